@@ -381,10 +381,10 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
 
 def _require_description(path: Path, given: MeasurementSection, files: list[Path]) -> None:
     """Refuse files that do not describe themselves and that the campaign file does not describe."""
-    own = given.variables is None  # functions of SDynPy need no description
+    bare = given.variables is None  # functions of SDynPy need no description
     formats = {
         f for file in files
-        if not ((f := format_of(file, given.format)) == "numpy" and own and holds_data_arrays(file))
+        if not ((f := format_of(file, given.format)) == "numpy" and bare and holds_data_arrays(file))
     }  # fmt: skip
     stated = given.unit is not None or given.time is not None
     if ("wav" in formats) != bool(given.full_scale) or ("wav" in formats and given.time is None):

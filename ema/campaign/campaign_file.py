@@ -69,37 +69,37 @@ def reference_faults(states: Sequence[State]) -> Iterator[str]:
 
     A name may be unknown, or that of the state itself or of its repeat, and references may go round.
     """
-    by_name = {own.name: own for own in states}
-    for own in states:
-        named = [("compare_to", name) for name in own.compare_to]
-        named += [] if own.repeat_of is None else [("repeat_of", own.repeat_of)]
+    by_name = {state.name: state for state in states}
+    for state in states:
+        named = [("compare_to", name) for name in state.compare_to]
+        named += [] if state.repeat_of is None else [("repeat_of", state.repeat_of)]
         for key, name in named:
-            if name == own.name:
-                yield f"{own.name!r}: {key}: names itself; name another state"
+            if name == state.name:
+                yield f"{state.name!r}: {key}: names itself; name another state"
             elif name not in by_name:
-                yield f"{own.name!r}: {key}: no {name!r}; {did_you_mean(name, list(by_name))}"
-            elif key == "compare_to" and by_name[name].repeat_of == own.name:
-                yield f"{own.name!r}: compare_to: {name!r} is a repeat of it, not a reference"
+                yield f"{state.name!r}: {key}: no {name!r}; {did_you_mean(name, list(by_name))}"
+            elif key == "compare_to" and by_name[name].repeat_of == state.name:
+                yield f"{state.name!r}: compare_to: {name!r} is a repeat of it, not a reference"
             elif key == "repeat_of":
-                yield from _faults_of_repeat(own, by_name[name])
-        if len(set(own.compare_to)) < len(own.compare_to):
-            yield f"{own.name!r}: compare_to: names one state twice: {', '.join(own.compare_to)}"
+                yield from _faults_of_repeat(state, by_name[name])
+        if len(set(state.compare_to)) < len(state.compare_to):
+            yield f"{state.name!r}: compare_to: names one state twice: {', '.join(state.compare_to)}"
     way = _circle(by_name)
     if len(way) > 2:  # one that names itself is said above
         yield f"{way[0]!r}: compare_to: goes round: {' -> '.join(way)}; one of them needs no reference"
 
 
-def _faults_of_repeat(own: State, first: State) -> Iterator[str]:
+def _faults_of_repeat(state: State, first: State) -> Iterator[str]:
     """Check a repeat, which has its reference from the state that it repeats."""
-    if own.compare_to:
-        yield f"{own.name!r}: a repeat has the reference of what it repeats: move compare_to to {first.name!r}"
+    if state.compare_to:
+        yield f"{state.name!r}: a repeat has the reference of what it repeats: move compare_to to {first.name!r}"
     if first.repeat_of is not None:
-        yield f"{own.name!r}: repeat_of: {first.name!r} is a repeat itself; name what it repeats: {first.repeat_of!r}"
+        yield f"{state.name!r}: repeat_of: {first.name!r} is a repeat itself; name what it repeats: {first.repeat_of!r}"
 
 
 def repeats_of(states: Sequence[State], names: Sequence[str]) -> tuple[str, ...]:
     """Return names followed by those of the states that repeat one of them, each once."""
-    again = (own.name for own in states if own.repeat_of in names)
+    again = (state.name for state in states if state.repeat_of in names)
     return tuple(dict.fromkeys((*names, *again)))
 
 
@@ -114,9 +114,9 @@ def _circle(by_name: Mapping[str, State]) -> list[str]:
             return []
         done.add(name)
         ways = (follow(other, [*way, name]) for other in by_name[name].compare_to if other in by_name)
-        return next((found for found in ways if found), [])
+        return next((circle for circle in ways if circle), [])
 
-    return next((found for found in (follow(name, []) for name in by_name) if found), [])
+    return next((circle for circle in (follow(name, []) for name in by_name) if circle), [])
 
 
 Format = Literal["uff", "csv", "mat", "hdf5", "numpy", "tdms", "wav"]
@@ -191,12 +191,12 @@ def files_beside(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) 
     columns = [named_files(path, folder, key, (pattern,)) for pattern in patterns]
     counts = [len(column) for column in columns]
     if len(set(counts)) > 1 or len({f for column in columns for f in column}) < sum(counts):
-        found = "; ".join(
+        names = "; ".join(
             f"{pattern!r} is {', '.join(f.name for f in column[:3])}{', ...' if len(column) > 3 else ''} "
             f"({len(column)} files)"
             for pattern, column in zip(patterns, columns, strict=True)
         )
-        message = f"{path}: {key}: of files side by side, in inner brackets, each name has as many, none twice: {found}"
+        message = f"{path}: {key}: of files side by side, in inner brackets, each name has as many, none twice: {names}"
         raise CampaignError(message)
     return [file for row in zip(*columns, strict=True) for file in row]
 
@@ -205,11 +205,11 @@ def _named(path: Path, folder: Path, key: str, pattern: str) -> list[Path]:
     """Return the files of one pattern."""
     if re.search(r"[*?\[]", pattern):
         anchor = Path(pattern).anchor
-        found = list(Path(anchor).glob(pattern[len(anchor) :]) if anchor else folder.glob(pattern))
+        files = list(Path(anchor).glob(pattern[len(anchor) :]) if anchor else folder.glob(pattern))
     else:
-        found = [folder / pattern]
-    found = sorted((f for f in found if f.is_file()), key=natural)
-    if not found:
+        files = [folder / pattern]
+    files = sorted((f for f in files if f.is_file()), key=natural)
+    if not files:
         there = [f.name for f in (folder / pattern).parent.glob("*")]
         if (folder / pattern).exists() and not (folder / pattern).is_dir():
             message = f"{path}: {key}: {pattern!r} is a pipe or a device; name plain files"
@@ -218,7 +218,7 @@ def _named(path: Path, folder: Path, key: str, pattern: str) -> list[Path]:
         hint = f"; did you mean {' or '.join(close)}?" if close else ""
         message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"
         raise CampaignError(message)
-    return found
+    return files
 
 
 def natural(file: Path) -> list[tuple[int, str]]:

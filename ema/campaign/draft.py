@@ -124,8 +124,8 @@ def _shortened(left_out: list[str]) -> list[str]:
         file, _, reason = line.partition(": ")
         files.setdefault(reason, []).append(file)
     return [
-        f"{own[0]}{f' and {len(own) - 1} more' if len(own) > 1 else ''}: {reason}"
-        for reason, own in files.items()
+        f"{unread[0]}{f' and {len(unread) - 1} more' if len(unread) > 1 else ''}: {reason}"
+        for reason, unread in files.items()
     ]
 
 
@@ -264,12 +264,14 @@ def _of_one_layout(
     used = [c for c in every if c.is_time == only_time]
     usual: dict[str, Contents] = {}
     for section in ("table", "variables"):
-        own = {repr(c.keys): c for c in used if c.section == section}
-        found = [c for c in used if c.section == section and UNKNOWN not in c.keys.values()]
-        found = found or [c for c in used if c.section == section]  # what is understood outvotes what is not
-        counts = Counter(repr(c.keys) for c in found)
+        layouts = {repr(c.keys): c for c in used if c.section == section}
+        understood = [c for c in used if c.section == section and UNKNOWN not in c.keys.values()]
+        understood = understood or [
+            c for c in used if c.section == section
+        ]  # what is understood outvotes what is not
+        counts = Counter(repr(c.keys) for c in understood)
         if counts:
-            usual[section] = own[counts.most_common(1)[0][0]]
+            usual[section] = layouts[counts.most_common(1)[0][0]]
     kept: dict[str, tuple[Contents, ...]] = {}
     for name, contents in configurations.items():
         for c in (_with_channels(c, every) for c in contents):
@@ -292,7 +294,7 @@ def _with_forces(
     kept = {}
     for name, contents in configurations.items():
         sets = side_by_side(contents)
-        alone = [own[0] for own in sets if own[0].is_time and sum(map(_channels, own)) == 1]
+        alone = [of_set[0] for of_set in sets if of_set[0].is_time and sum(map(_channels, of_set)) == 1]
         if len(alone) < len(sets) or any(
             map(is_of_force, contents)
         ):  # which may be put beside each other by hand
@@ -323,7 +325,7 @@ def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
 
 def _differing(contents: Contents, usual: Contents) -> str:
     """Say in words which keys of a file, and perhaps which unit, are others than the usual ones."""
-    here, there = ({**own.keys, "unit": own.unit or own.volts or "unknown"} for own in (contents, usual))
+    here, there = ({**one.keys, "unit": one.unit or one.volts or "unknown"} for one in (contents, usual))
     names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
     return "; ".join(
         f"{name} {here.get(name, 'not needed')} instead of {there.get(name, 'none')}" for name in names
@@ -371,20 +373,20 @@ def _points(
     return None
 
 
-def unlisted(found: Draft) -> list[int]:
+def unlisted(drafted: Draft) -> list[int]:
     """Return the points that are measured, as far as the files tell, but not in the list of points."""
-    if found.points is None:
+    if drafted.points is None:
         return []
-    measured = {dof[0] for c in found.contents for pair in c.dofs for dof in pair if dof is not None}
-    return sorted(measured - set(found.points.node))
+    measured = {dof[0] for c in drafted.contents for pair in c.dofs for dof in pair if dof is not None}
+    return sorted(measured - set(drafted.points.node))
 
 
-def force_by_exclusion(found: Draft, contents: tuple[Contents, ...]) -> Code | None:
+def force_by_exclusion(drafted: Draft, contents: tuple[Contents, ...]) -> Code | None:
     """Return the only listed point that is no response, in the direction of all responses: where a shaker can be."""
     outputs = {output for c in contents for output, _ in c.dofs}
-    if found.points is None or None in outputs:
+    if drafted.points is None or None in outputs:
         return None
     codes = [output for output in outputs if output is not None]
-    rest = set(found.points.node) - {node for node, _ in codes}
+    rest = set(drafted.points.node) - {node for node, _ in codes}
     directions = {code for _, code in codes}
     return (rest.pop(), directions.pop()) if len(rest) == len(directions) == 1 else None

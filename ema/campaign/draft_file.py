@@ -168,32 +168,32 @@ class DraftFile:
     missing: tuple[str, ...]
 
 
-def draft_file(found: Draft) -> DraftFile:
+def draft_file(drafted: Draft) -> DraftFile:
     """Return the campaign file of what a folder seems to hold.
 
     What nothing in the files tells stands as "?" where reading the campaign cannot do without it, and as a comment
     where an identification can.
     """
     missing: list[str] = []
-    lines = ["[campaign]", f"name = {_toml(found.folder.resolve().name)}", "", "[structure]"]
-    if found.stack is None:
+    lines = ["[campaign]", f"name = {_toml(drafted.folder.resolve().name)}", "", "[structure]"]
+    if drafted.stack is None:
         missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
         lines.append(
             '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
         )
     else:
-        lines.append(f"stack = {_toml(found.stack.name)}")
-    lines += ["", "[points]", *_points(found, missing), *_measurement(found, missing)]
-    for name, contents in found.configurations.items():
-        lines += ["", *_configuration(found, name, contents, missing)]
+        lines.append(f"stack = {_toml(drafted.stack.name)}")
+    lines += ["", "[points]", *_points(drafted, missing), *_measurement(drafted, missing)]
+    for name, contents in drafted.configurations.items():
+        lines += ["", *_configuration(drafted, name, contents, missing)]
     missing.append(
-        f"torque_Nm or pressure_kPa of {', '.join(found.configurations)}: the state of the stack, which fit and "
+        f"torque_Nm or pressure_kPa of {', '.join(drafted.configurations)}: the state of the stack, which fit and "
         "diagnose need"
     )
     return DraftFile(text="\n".join(lines) + "\n", missing=tuple(missing))
 
 
-def write_draft(found: Draft, file: DraftFile) -> Path:
+def write_draft(drafted: Draft, file: DraftFile) -> Path:
     """Write a campaign file into its folder and return its path.
 
     Raises
@@ -201,7 +201,7 @@ def write_draft(found: Draft, file: DraftFile) -> Path:
     CampaignError
         There is one already, or it cannot be written.
     """
-    path = found.folder / NAME
+    path = drafted.folder / NAME
     if path.exists():
         message = f"{path}: is there already and is not overwritten; move it away to have a new one"
         raise CampaignError(message)
@@ -210,8 +210,8 @@ def write_draft(found: Draft, file: DraftFile) -> Path:
     return path
 
 
-def _points(found: Draft, missing: list[str]) -> list[str]:
-    if found.points is None:
+def _points(drafted: Draft, missing: list[str]) -> list[str]:
+    if drafted.points is None:
         missing.append(
             "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit, to draw shapes "
             "and to compare them with a model"
@@ -220,33 +220,33 @@ def _points(found: Draft, missing: list[str]) -> list[str]:
             '# file = "points.csv"  # to be filled in: columns node,x,y,z with the origin in the centre of the stack',
             '# unit = "mm"          # to be filled in: unit of these coordinates',
         ]
-    lines = [f"file = {_toml(found.points.file.relative_to(found.folder).as_posix())}"]
-    if found.points.unit is not None:
-        lines.append(f'unit = "{found.points.unit}"  # guessed: the points span {found.points.span:g}')
-    absent = unlisted(found)
+    lines = [f"file = {_toml(drafted.points.file.relative_to(drafted.folder).as_posix())}"]
+    if drafted.points.unit is not None:
+        lines.append(f'unit = "{drafted.points.unit}"  # guessed: the points span {drafted.points.span:g}')
+    absent = unlisted(drafted)
     if absent:
-        missing.append(f"points {absent}: measured, but not in {found.points.file.name}; add them there")
+        missing.append(f"points {absent}: measured, but not in {drafted.points.file.name}; add them there")
         lines.append(f"# without_coordinates = {absent}  # to be filled in where nobody knows where they are")
-    return [*lines, *lines_text(found.points)]
+    return [*lines, *lines_text(drafted.points)]
 
 
-def _measurement(found: Draft, missing: list[str]) -> list[str]:
+def _measurement(drafted: Draft, missing: list[str]) -> list[str]:
     lines = ["", "[measurement]"]
-    is_time = any(c.is_time for c in found.contents)
-    units = {c.unit for c in found.contents if "unit" not in c.states}
+    is_time = any(c.is_time for c in drafted.contents)
+    units = {c.unit for c in drafted.contents if "unit" not in c.states}
     if units and not is_time:
         unit = next(iter(units)) if len(units) == 1 else None
         comment = "as the header says"
         if unit is None:
             comment = "to be filled in: such as (m/s2)/N, g/N or mm/N"
-            missing.append(f"measurement.unit: {_asked_unit(found.contents)}")
+            missing.append(f"measurement.unit: {_asked_unit(drafted.contents)}")
         lines.append(f"unit = {_toml(unit or UNKNOWN)}  # {comment}")
     for section in ("table", "variables"):
-        described = [c for c in found.contents if c.section == section]
+        described = [c for c in drafted.contents if c.section == section]
         if described:
             lines += ["", f"[measurement.{section}]", *_section(section, described, missing)]
     if is_time:
-        contents = next(iter(found.configurations.values()))
+        contents = next(iter(drafted.configurations.values()))
         lines += ["", "[measurement.time]", *_averaging(averaging_of(side_by_side(contents)), missing)]
     return lines
 
@@ -295,7 +295,7 @@ def _section(section: str, described: list[Contents], missing: list[str]) -> Ite
 
 
 def _configuration(
-    found: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]
+    drafted: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]
 ) -> Iterable[str]:
     yield "[[configuration]]"
     yield f"name = {_toml(name)}"
@@ -303,9 +303,9 @@ def _configuration(
     yield "# torque_Nm =           # to be filled in for fit and diagnose: bolt torque, or"
     yield "# pressure_kPa =        # the mean pressure between the sheets"
     if any(c.is_time for c in contents):
-        yield from _histories(found, name, contents, missing)
+        yield from _histories(drafted, name, contents, missing)
         return
-    files = _toml(_patterns(found.folder, [c.file for c in contents]))
+    files = _toml(_patterns(drafted.folder, [c.file for c in contents]))
     if _hammer_roves(contents):
         yield "[[configuration.run]]"
         yield f"files = {files}  # one run: the sensors stay while the hammer roves, nothing on the structure changes"
@@ -316,7 +316,9 @@ def _configuration(
             continue
         dofs = [pair[which] for c in contents for pair in c.dofs]
         comment = ""
-        by_exclusion = force_by_exclusion(found, contents) if end == "input" and set(dofs) == {None} else None
+        by_exclusion = (
+            force_by_exclusion(drafted, contents) if end == "input" and set(dofs) == {None} else None
+        )
         if by_exclusion is not None:
             dofs = [by_exclusion]
             comment = "  # guessed: the only listed point that is no output"
@@ -336,7 +338,9 @@ def _hammer_roves(contents: tuple[Contents, ...]) -> bool:
     return stated and len(contents) > 1 and len(responses) == 1 and len(set(forces)) == len(forces)
 
 
-def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]) -> Iterable[str]:
+def _histories(
+    drafted: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]
+) -> Iterable[str]:
     """Give the files of a configuration of time histories, as runs where their names tell which are averaged."""
     sets = side_by_side(contents)
     runs = averaged(sets)
@@ -345,7 +349,7 @@ def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing:
     ends = [("output", 0), ("input", 1)]
     if all({"output", "input"} <= c.states for c in contents):
         ends = []
-    pairs = [pair for own in sets for pair in dofs_of(own, position)]
+    pairs = [pair for files in sets for pair in dofs_of(files, position)]
     unknown = [end for end, which in ends if not pairs or None in [pair[which] for pair in pairs]]
     if unknown:
         missing.append(f"{' and '.join(unknown)} of configuration {name}: the DOFs of its time histories")
@@ -354,11 +358,11 @@ def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing:
     for run in runs if together else [sets]:
         if together:
             yield "[[configuration.run]]"
-            yield f"files = {_toml(_of_sets(found, run))}  # guessed: blows that are averaged, by their names{beside}"
+            yield f"files = {_toml(_of_sets(drafted, run))}  # guessed: blows that are averaged, by their names{beside}"
         else:
-            yield f"files = {_toml(_of_sets(found, run))}  # each is one run{beside}"
+            yield f"files = {_toml(_of_sets(drafted, run))}  # each is one run{beside}"
             yield "# blows or blocks of one force and its sensors that are averaged are one [[configuration.run]]"
-        pairs = [pair for own in (run[:1] if together else run) for pair in dofs_of(own, position)]
+        pairs = [pair for files in (run[:1] if together else run) for pair in dofs_of(files, position)]
         for end, which in ends:
             if end in unknown:
                 yield f'# {end} = ["12+z"]  # to be filled in: one for all, or one for each of {len(pairs)} functions'
@@ -366,14 +370,14 @@ def _histories(found: Draft, name: str, contents: tuple[Contents, ...], missing:
                 yield f"{end} = {_toml(_names([pair[which] for pair in pairs]))}  # guessed: by titles and file names"
 
 
-def _of_sets(found: Draft, sets: list[Set]) -> list[Any]:
+def _of_sets(drafted: Draft, sets: list[Set]) -> list[Any]:
     """Return the names of the files of records, of files side by side as lists."""
     if len(sets[0]) == 1:
-        return _patterns(found.folder, [c.file for own in sets for c in own])
-    patterns = [_patterns(found.folder, [c.file for c in column]) for column in zip(*sets, strict=True)]
+        return _patterns(drafted.folder, [c.file for files in sets for c in files])
+    patterns = [_patterns(drafted.folder, [c.file for c in column]) for column in zip(*sets, strict=True)]
     if in_order(sets) and all(len(names) == 1 for names in patterns):
         return [[names[0] for names in patterns]]
-    return [[_patterns(found.folder, [c.file])[0] for c in own] for own in sets]
+    return [[_patterns(drafted.folder, [c.file])[0] for c in files] for files in sets]
 
 
 def _names(dofs: list[Code | None]) -> list[str]:

@@ -48,17 +48,17 @@ def side_by_side(contents: Sequence[Contents]) -> list[Set]:
     """
     forces = {key: c for c in contents if (key := _force_key(c)) is not None}
     if len(forces) < sum(_force_key(c) is not None for c in contents):
-        return [(own,) for own in contents]
+        return [(files,) for files in contents]
     sets: dict[str, list[Contents]] = {key: [c] for key, c in forces.items()}
     for c in contents:
         if _force_key(c) is None:
             key = next((key for key in _keys(c) if key in forces), None)
             if key is None:
-                return [(own,) for own in contents]
+                return [(files,) for files in contents]
             sets[key].append(c)
-    if len({len(own) for own in sets.values()}) != 1 or any(len(own) == 1 for own in sets.values()):
-        return [(own,) for own in contents]
-    return [tuple(own) for own in sets.values()]
+    if len({len(files) for files in sets.values()}) != 1 or any(len(files) == 1 for files in sets.values()):
+        return [(files,) for files in contents]
+    return [tuple(files) for files in sets.values()]
 
 
 def _words(contents: Contents) -> list[re.Match[str]]:
@@ -97,10 +97,10 @@ def _keys(contents: Contents) -> list[str]:
 def averaged(sets: list[Set]) -> list[list[Set]]:
     """Return the records of each run: those whose names differ in the number of a blow alone; else each alone."""
     runs: dict[str, list[Set]] = defaultdict(list)
-    for own in sets:
-        name = str(own[-1].file)
+    for files in sets:
+        name = str(files[-1].file)
         place, _, last = name.rpartition("/")
-        runs[f"{place}/{_BLOW.sub('', last)}" if _BLOW.search(last) else name].append(own)
+        runs[f"{place}/{_BLOW.sub('', last)}" if _BLOW.search(last) else name].append(files)
     return list(runs.values())
 
 
@@ -111,55 +111,55 @@ def averaging_of(
     looked_at: int = 3,
 ) -> dict[str, Guessed]:
     """Return the keys of ``[measurement.time]`` as far as the first records tell, `UNKNOWN` where they do not."""
-    records = [r for own in sets[:looked_at] if (r := _record(own)) is not None]
+    records = [r for unit in sets[:looked_at] if (r := _record(unit)) is not None]
     titles = _titles(sets[0])
-    found: dict[str, Guessed] = {}
+    guessed: dict[str, Guessed] = {}
     force = _force(sets[0], records, titles)
     position = 0 if force is None else force.value
     states = any(f.kind == "force" for record in records for f in record)
     if force is not None and not states:
-        found["force"] = Guessed(value=position + 1, comment=force.comment)
-    found |= _window([_forces_first(r)[0] if states else r[position] for r in records if len(r) > position])
+        guessed["force"] = Guessed(value=position + 1, comment=force.comment)
+    guessed |= _window([_forces_first(r)[0] if states else r[position] for r in records if len(r) > position])
     if all(format_of(c.file) == "uff" for c in sets[0]):
-        return found  # universal files state their units
+        return guessed  # universal files state their units
     if force is None:
-        found["force"] = Guessed(value=1, comment="guessed: nothing tells which channel is the force")
+        guessed["force"] = Guessed(value=1, comment="guessed: nothing tells which channel is the force")
     units = [_unit(title) for title in titles]
-    own = units[position] if position < len(units) else None
+    unit = units[position] if position < len(units) else None
     others = {label for k, label in enumerate(units) if k != position}
     responses = next(iter(others)) if len(others) == 1 else None
-    for key, label, fits in (("force", own, _is_force), ("response", responses, _is_motion)):
+    for key, label, fits in (("force", unit, _is_force), ("response", responses, _is_motion)):
         stated = label is not None and fits(parse_unit(label))
-        found[f"{key}_unit"] = Guessed(
+        guessed[f"{key}_unit"] = Guessed(
             value=label if stated else UNKNOWN, comment="as the header says" if stated else "to be filled in"
         )
-    return found
+    return guessed
 
 
-def dofs_of(own: Set, position: int) -> list[tuple[Code | None, Code | None]]:
+def dofs_of(files: Set, position: int) -> list[tuple[Code | None, Code | None]]:
     """Return output and input of each function of a record, from the titles of its channels and its file names."""
-    if all(c.section is None for c in own):
-        return [pair for c in own for pair in c.dofs]
-    titles = _titles(own)
+    if all(c.section is None for c in files):
+        return [pair for c in files for pair in c.dofs]
+    titles = _titles(files)
     responses = [title for k, title in enumerate(titles) if k != position]
-    dofs, _ = with_names(own[-1].file, [dofs_in(title) for title in responses])
+    dofs, _ = with_names(files[-1].file, [dofs_in(title) for title in responses])
     stated = dofs_in(titles[position]) if position < len(titles) else []
-    return [(output, stated[0] if stated else force) for output, force in dofs] * own[0].n_run
+    return [(output, stated[0] if stated else force) for output, force in dofs] * files[0].n_run
 
 
-def _titles(own: Set) -> list[str]:
+def _titles(files: Set) -> list[str]:
     """Return what each channel is called; the only one of a file among others is called like the file."""
     return [
-        title or (c.file.stem if len(own) > 1 and len(c.titles) == 1 else "")
-        for c in own
+        title or (c.file.stem if len(files) > 1 and len(c.titles) == 1 else "")
+        for c in files
         for title in c.titles
     ]
 
 
-def _record(own: Set) -> list[MeasuredFunction] | None:
+def _record(files: Set) -> list[MeasuredFunction] | None:
     """Return the channels of a first record; None where its description lacks something, or it cannot be read."""
     channels: list[MeasuredFunction] = []
-    for c in own:
+    for c in files:
         keys = {
             key: 1.0 if (key, value) == ("sampling_Hz", UNKNOWN) else value for key, value in c.keys.items()
         }
@@ -187,9 +187,9 @@ def _forces_first(record: list[MeasuredFunction]) -> list[MeasuredFunction]:
     return sorted(record, key=lambda f: f.kind != "force")
 
 
-def _force(own: Set, records: list[list[MeasuredFunction]], titles: list[str]) -> Guessed | None:
+def _force(files: Set, records: list[list[MeasuredFunction]], titles: list[str]) -> Guessed | None:
     """Return the position of the force, from 0: its title, its file, or its short pulse."""
-    if len(own) > 1:
+    if len(files) > 1:
         return Guessed(value=0, comment="guessed: the files' names say so")
     called = [k for k, title in enumerate(titles) if FORCE.search(title)]
     if len(called) == 1:
@@ -219,19 +219,21 @@ def _window(
     shares = [float(pulse_share(f.value)) for f in forces]
     if not shares or max(shares) > PULSE:
         return {"window": Guessed(value=UNKNOWN, comment='to be filled in: "hann" or "boxcar"')}
-    found = {"window": Guessed(value="boxcar", comment="guessed: the force is a short pulse, as of a hammer")}
+    guessed = {
+        "window": Guessed(value="boxcar", comment="guessed: the force is a short pulse, as of a hammer")
+    }
     hits = [_hits(f.value) for f in forces]
     if min(map(len, hits)) < fewest_hits:
-        return found
+        return guessed
     step = float(np.diff(forces[0].abscissa).mean())
-    between = min(float(np.diff(own).min()) for own in hits) * step
+    between = min(float(np.diff(of_record).min()) for of_record in hits) * step
     block = float(f"{0.9 * between:.1e}")
     said = (
         f"guessed: hits are {between:.3g} s apart or more; shorten it where responses have died away before"
     )
-    found["block_s"] = Guessed(value=block, comment=said)
-    found["before_hit_s"] = Guessed(value=float(f"{0.02 * block:.1e}"), comment="guessed")
-    return found
+    guessed["block_s"] = Guessed(value=block, comment=said)
+    guessed["before_hit_s"] = Guessed(value=float(f"{0.02 * block:.1e}"), comment="guessed")
+    return guessed
 
 
 def _hits(

@@ -76,31 +76,31 @@ def draft_modes(folder: Path) -> ModesDraft | None:
         return None  # other tables, which may hold functions
     files: dict[str, tuple[Path, ...]] = {_name(folder, f): (f,) for f in whole}
     files |= {_name(folder, f): (f, *_beside(f, modes, shapes)) for f in modes}
-    found = Draft(
+    beside = Draft(
         folder=folder,
         points=listed,
         stack=model_file(folder),
         configurations={},
         left_out=(),
     )
-    return ModesDraft(found=found, files=files)
+    return ModesDraft(found=beside, files=files)
 
 
 def modes_draft_file(drafted: ModesDraft) -> DraftFile:
     """Return the campaign file of a folder of modes, with "?" and comments where something is to be filled in."""
-    found, missing = drafted.found, list[str]()
-    lines = ["[campaign]", f"name = {_toml(found.folder.resolve().name)}", "", "[structure]"]
-    if found.stack is None:
+    points, missing = drafted.found, list[str]()
+    lines = ["[campaign]", f"name = {_toml(points.folder.resolve().name)}", "", "[structure]"]
+    if points.stack is None:
         missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
         lines.append(
             '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
         )
     else:
-        lines.append(f"stack = {_toml(found.stack.name)}")
+        lines.append(f"stack = {_toml(points.stack.name)}")
     lines += [
         "",
         "[points]",
-        *_points_lines(found, missing),
+        *_points_lines(points, missing),
         "",
         "[modes]  # how sure the modes are, relative",
     ]
@@ -110,7 +110,7 @@ def modes_draft_file(drafted: ModesDraft) -> DraftFile:
         "# shape_std = 0.01       # of a component, over the root mean square of the shape",
     ]
     for name, files in drafted.files.items():
-        names = [file.relative_to(found.folder).as_posix() for file in files]
+        names = [file.relative_to(points.folder).as_posix() for file in files]
         lines += [
             "",
             "[[configuration]]",
@@ -131,23 +131,23 @@ def modes_draft_file(drafted: ModesDraft) -> DraftFile:
     return DraftFile(text="\n".join(lines) + "\n", missing=tuple(missing))
 
 
-def _points_lines(found: Draft, missing: list[str]) -> Iterator[str]:
-    if found.points is None:
+def _points_lines(drafted: Draft, missing: list[str]) -> Iterator[str]:
+    if drafted.points is None:
         missing.append(
             "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit"
         )
         yield '# file = "points.csv"    # to be filled in: columns node,x,y,z, the origin in the centre of the stack'
         yield '# unit = "mm"            # to be filled in: unit of these coordinates'
         return
-    yield f"file = {_toml(found.points.file.relative_to(found.folder).as_posix())}"
-    if found.points.unit is not None:
-        yield f'unit = "{found.points.unit}"  # guessed: the points span {found.points.span:g}'
+    yield f"file = {_toml(drafted.points.file.relative_to(drafted.folder).as_posix())}"
+    if drafted.points.unit is not None:
+        yield f'unit = "{drafted.points.unit}"  # guessed: the points span {drafted.points.span:g}'
 
 
 def _beside(table: Path, modes: list[Path], shapes: list[Path]) -> tuple[Path, ...]:
     """Return the table of shapes that belongs to a table of modes: the one of its folder, or the one in its place."""
-    own, others = ([f for f in every if f.parent == table.parent] for every in (shapes, modes))
-    return (own[others.index(table)],) if len(own) == len(others) else ()
+    near, others = ([f for f in every if f.parent == table.parent] for every in (shapes, modes))
+    return (near[others.index(table)],) if len(near) == len(others) else ()
 
 
 def _points(

@@ -287,11 +287,11 @@ def find_hits(force: NDArray[np.float64], n_block: int, *, above_noise: float = 
     """
     size = np.abs(np.asarray(force, float) - np.median(force))
     least = max(LEAST_HIT * size.max(), above_noise * float(np.median(size)))
-    found: list[int] = []
+    hits: list[int] = []
     for sample in np.flatnonzero(size > least):
-        if not found or sample >= found[-1] + n_block:
-            found.append(int(sample))
-    return np.array(found, dtype=np.int64)
+        if not hits or sample >= hits[-1] + n_block:
+            hits.append(int(sample))
+    return np.array(hits, dtype=np.int64)
 
 
 def cut_at_hits(value: NDArray[np.float64], n_block: int, n_before: int) -> tuple[NDArray[np.float64], int]:
@@ -440,8 +440,8 @@ def estimate_frf_matrix(
     explained = np.einsum("foi,foi->fo", h1, g_xf.conj()).real
     with np.errstate(divide="ignore", invalid="ignore"):
         multiple = np.clip(np.nan_to_num(explained / g_xx), 0.0, 1.0)
-        own = np.abs(h1) ** 2 / np.einsum("faa->fa", inverse).real[:, None, :]
-        partial = np.nan_to_num(own / (own + (g_xx * (1.0 - multiple))[..., None]))
+        alone = np.abs(h1) ** 2 / np.einsum("faa->fa", inverse).real[:, None, :]
+        partial = np.nan_to_num(alone / (alone + (g_xx * (1.0 - multiple))[..., None]))
     value = h1 if averaging.estimator == "H1" else _total_least_squares(g_ff, g_xf, g_xx)
     return FRFMatrixEstimate(
         frequency=frequency,

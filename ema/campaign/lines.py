@@ -58,7 +58,7 @@ def with_finite_lines(
     """
     frequency = entries[0].frequency
     finite = [np.isfinite(entry.value) for entry in entries]
-    if all(own.all() for own in finite):
+    if all(is_finite.all() for is_finite in finite):
         return list(entries)
     inside = np.ones(frequency.size, bool)
     if band is not None:
@@ -70,9 +70,9 @@ def with_finite_lines(
             f"lines below {frequency[first]:g} or above {frequency[last - 1]:g} Hz are cut off: not all functions have "
             "numbers there"
         )
-    for entry, own in zip(entries, finite, strict=True):
-        value = _bridged(entry.value[first:last], own[first:last], inside[first:last])
-        lost = int(np.count_nonzero(~own[first:last] & np.isfinite(value)))
+    for entry, is_finite in zip(entries, finite, strict=True):
+        value = _bridged(entry.value[first:last], is_finite[first:last], inside[first:last])
+        lost = int(np.count_nonzero(~is_finite[first:last] & np.isfinite(value)))
         if lost:
             notes.append(
                 f"{entry.source}: {lost} of {value.size} values are no numbers and are bridged by straight lines"
@@ -85,9 +85,9 @@ def with_finite_lines(
 def _edges(finite: list[NDArray[np.bool_]], inside: NDArray[np.bool_]) -> tuple[int, int]:
     """Return the first line that is kept and the one after the last: few are cut off inside the band."""
     common = np.ones(inside.size, bool)
-    for own in finite:
-        if own.mean() > 0.5:  # a function without numbers is for the check to refuse
-            common &= own
+    for is_finite in finite:
+        if is_finite.mean() > 0.5:  # a function without numbers is for the check to refuse
+            common &= is_finite
     most = int(MOST_LOST * np.count_nonzero(inside)) + 1
     lines = np.flatnonzero(common)
     if lines.size == 0:

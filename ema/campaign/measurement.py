@@ -201,17 +201,17 @@ def _entries(
 _Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float, int, int]
 
 
-def _with_dofs(found: list[_Found], notes: list[str]) -> list[_Found]:
+def _with_dofs(entries: list[_Found], notes: list[str]) -> list[_Found]:
     """Leave out functions whose file states no DOF, such as point -1, where it states those of others."""
-    stated = [f.output is not None and f.input is not None for f, *_ in found]
+    stated = [f.output is not None and f.input is not None for f, *_ in entries]
     if not any(stated):
-        return found
+        return entries
     notes.extend(
         f"{one[0].source}: left out, it states no point and direction of response or force, as others do"
-        for one, good in zip(found, stated, strict=True)
+        for one, good in zip(entries, stated, strict=True)
         if not good
     )
-    return [one for one, good in zip(found, stated, strict=True) if good]
+    return [one for one, good in zip(entries, stated, strict=True) if good]
 
 
 def _listed(

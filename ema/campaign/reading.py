@@ -68,7 +68,7 @@ def frfs_from_records(
     sorted_channels = [_force_first(file, functions, averaging) for file, functions in contents]
     records = [channels for channels, _ in sorted_channels]
     n_force = sorted_channels[0][1]
-    if any(own != n_force for _, own in sorted_channels):
+    if any(forces != n_force for _, forces in sorted_channels):
         message = f"{contents[0][0]} and the files averaged with it hold different numbers of forces"
         raise MeasurementError(message)
     counts = {len(channels) for channels in records}
@@ -140,7 +140,7 @@ def _functions(
 ) -> list[_Found]:
     """Return each response's FRFs in SI units with their coherence; `clipped` are shares (n_record, n_channel)."""
     factor, unit = _unit(averaging)
-    found: list[_Found] = []
+    functions: list[_Found] = []
     for k, (response, force) in enumerate(product(records[0][n_force:], records[0][:n_force])):
         channel = n_force + k // n_force
         more = "" if len(records) == 1 else f" and {len(records) - 1} more"
@@ -161,8 +161,8 @@ def _functions(
             notes.append(
                 f"{response.source}: {100 * overload:.2g} % of its samples or its force's are clipped"
             )
-        found.append((frf, coherence, overload, estimate.decay_rate))
-    return found
+        functions.append((frf, coherence, overload, estimate.decay_rate))
+    return functions
 
 
 def _force_first(
@@ -302,7 +302,7 @@ def records_of(
         if len(others) != len(runs):
             message = f"{file}: holds {len(others)} runs and {first}, which is averaged with it, {len(runs)}"
             raise MeasurementError(message)
-    return [[(file, hit) for file, own in of_sets for hit in own[r]] for r in range(len(runs))]
+    return [[(file, hit) for file, hits in of_sets for hit in hits[r]] for r in range(len(runs))]
 
 
 def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_Channels, ...], ...]:
@@ -360,13 +360,13 @@ def _beside(files: list[tuple[Path, tuple[tuple[_Channels, ...], ...]]]) -> tupl
     """Put the channels of files of the same records side by side."""
     (first, records), *others = files
     for file, more in others:
-        counts = [[len(run) for run in own] for own in (records, more)]
+        counts = [[len(run) for run in of_force] for of_force in (records, more)]
         if counts[0] != counts[1]:
             message = f"{file}: holds {counts[1]} hits in its runs and {first}, which belongs beside it, {counts[0]}"
             raise MeasurementError(message)
         records = tuple(
-            tuple(_one_record(file, a, b) for a, b in zip(run, own, strict=True))
-            for run, own in zip(records, more, strict=True)
+            tuple(_one_record(file, a, b) for a, b in zip(run, of_force, strict=True))
+            for run, of_force in zip(records, more, strict=True)
         )
     return records
 

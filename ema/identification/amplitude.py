@@ -180,7 +180,7 @@ def amplitude_dependence(name: str, levels: Sequence[Level]) -> AmplitudeDepende
         At least one, in any order.
     """
     ordered = sorted(levels, key=lambda level: level.force)
-    found = [resonances(level.frf, level.modal_model) for level in ordered]
+    of_level = [resonances(level.frf, level.modal_model) for level in ordered]
     tracked = compare([level.modal_model for level in ordered])
     mode = np.full(tracked.frequency.shape, -1)
     for k, level in enumerate(ordered):
@@ -188,16 +188,17 @@ def amplitude_dependence(name: str, levels: Sequence[Level]) -> AmplitudeDepende
             mode[k, tracked.frequency[k] == f] = r
     place, point = _reference([level.modal_model for level in ordered])
     motion = [
-        level.force * own.response[o, i] for level, own, (o, i) in zip(ordered, found, place, strict=True)
+        level.force * modes.response[o, i]
+        for level, modes, (o, i) in zip(ordered, of_level, place, strict=True)
     ]
     rms = [
-        level.force * np.sqrt(np.mean(own.response[:, i] ** 2, axis=0))
-        for level, own, (_, i) in zip(ordered, found, place, strict=True)
+        level.force * np.sqrt(np.mean(modes.response[:, i] ** 2, axis=0))
+        for level, modes, (_, i) in zip(ordered, of_level, place, strict=True)
     ]
 
     def table(values: Sequence[Vector]) -> Vector:
         return np.array(
-            [np.where(own >= 0, value[own], np.nan) for own, value in zip(mode, values, strict=True)]
+            [np.where(modes >= 0, value[modes], np.nan) for modes, value in zip(mode, values, strict=True)]
         )
 
     return AmplitudeDependence(
@@ -205,10 +206,10 @@ def amplitude_dependence(name: str, levels: Sequence[Level]) -> AmplitudeDepende
         level=tuple(level.modal_model.name for level in ordered),
         force=np.array([level.force for level in ordered]),
         point=point,
-        frequency=table([own.frequency for own in found]),
-        frequency_std=table([own.frequency_std for own in found]),
-        damping=table([own.damping for own in found]),
-        damping_std=table([own.damping_std for own in found]),
+        frequency=table([modes.frequency for modes in of_level]),
+        frequency_std=table([modes.frequency_std for modes in of_level]),
+        damping=table([modes.damping for modes in of_level]),
+        damping_std=table([modes.damping_std for modes in of_level]),
         motion=table(motion),
         rms_motion=table(rms),
         mode=mode,
@@ -218,13 +219,13 @@ def amplitude_dependence(name: str, levels: Sequence[Level]) -> AmplitudeDepende
 
 def at_resonance(level: Level) -> ModalModel:
     """Return the modes of a level with frequencies and damping ratios at the amplitude of resonance."""
-    found: Resonances = resonances(level.frf, level.modal_model)
+    modes: Resonances = resonances(level.frf, level.modal_model)
     return replace(
         level.modal_model,
-        frequency=found.frequency,
-        damping=found.damping,
-        frequency_std=found.frequency_std,
-        damping_std=found.damping_std,
+        frequency=modes.frequency,
+        damping=modes.damping,
+        frequency_std=modes.frequency_std,
+        damping_std=modes.damping_std,
     )
 
 
@@ -239,7 +240,7 @@ def _reference(models: Sequence[ModalModel]) -> tuple[list[tuple[int, int]], str
     }
     size = np.abs(models[0].residue).sum(axis=(1, 2))
     point = next(iter(driven), max(shared or names[0], key=lambda key: size[names[0][key]]))
-    return [(own.get(point, 0), driven.get(point, 0)) for own in names], point
+    return [(places.get(point, 0), driven.get(point, 0)) for places in names], point
 
 
 def _outputs(model: ModalModel) -> Dofs:
@@ -341,16 +342,16 @@ def resonances(frf: FRF, modal_model: ModalModel) -> Resonances:
     beside = replace(modal_model, lower=0.0 * modal_model.lower, upper=0.0 * modal_model.upper)
     rest = lines.value - synthesize(beside, lines.frequency, "receptance")
     power = (2.0 * np.pi * lines.frequency) ** DERIVATIVE[modal_model.quantity]
-    found = [
+    modes = [
         _resonance(lines.frequency, rest, modal_model, r, power) for r in range(modal_model.frequency.size)
     ]
-    table = np.array([own for own, _ in found]).reshape(-1, 4)
+    table = np.array([row for row, _ in modes]).reshape(-1, 4)
     return Resonances(
         frequency=table[:, 0],
         damping=table[:, 1],
         frequency_std=table[:, 2],
         damping_std=table[:, 3],
-        response=np.stack([response for _, response in found], axis=-1),
+        response=np.stack([response for _, response in modes], axis=-1),
     )
 
 
@@ -370,9 +371,9 @@ def _resonance(
     s, scale = 2j * np.pi * frequency, 2j * pole.imag
     constant = residue * scale
     constant = np.real(constant)  # of a real mode; what is complex is noise or damping that couples modes
-    own = residue[..., None] / (s - pole) + residue.conj()[..., None] / (s - pole.conj())
+    alone = residue[..., None] / (s - pole) + residue.conj()[..., None] / (s - pole.conj())
     size = float(np.sum(constant**2))
-    h = np.tensordot(constant, rest + own, axes=2) / size
+    h = np.tensordot(constant, rest + alone, axes=2) / size
     noise = np.sqrt(np.sum((constant * model.noise) ** 2)) / size / power
     near = np.abs(frequency - frequency[np.argmax(np.where(_around(frequency, pole), np.abs(h), 0.0))])
     chosen = near <= reach * -pole.real / (2.0 * np.pi)
@@ -555,12 +556,12 @@ def _analytic(
     gap: float = 0.45,
 ) -> NDArray[np.complex128]:
     """Return the analytic signal of a band around a mode, whose flanks are half a cosine."""
-    own = frequency[mode]
-    others = np.abs(np.delete(frequency, mode) - own)
-    half = min(width * own, gap * float(others.min(initial=np.inf)))
+    centre = frequency[mode]
+    others = np.abs(np.delete(frequency, mode) - centre)
+    half = min(width * centre, gap * float(others.min(initial=np.inf)))
     padded = 2 * signal.size  # what is filtered at one end must not come back at the other
     line = np.fft.fftfreq(padded, 1.0 / rate)
-    off = np.clip((np.abs(line - own) / half - 0.5) / 0.5, 0.0, 1.0)
+    off = np.clip((np.abs(line - centre) / half - 0.5) / 0.5, 0.0, 1.0)
     band = np.where(line > 0.0, 1.0 + np.cos(np.pi * off), 0.0)
     return np.asarray(np.fft.ifft(np.fft.fft(signal, padded) * band)[: signal.size])
 

@@ -77,7 +77,7 @@ def is_common(data: Functions, fit: Fit, *, left: float = 0.3) -> NDArray[np.boo
     spacing = float(frequency[1] - frequency[0])
     place = (np.abs(fit.pole) / (2.0 * np.pi) - frequency[0]) / spacing
     half = -fit.pole.real / (2.0 * np.pi * spacing)
-    own = np.ceil(OWN * half) + OWN_LINES
+    excluded = np.ceil(OWN * half) + OWN_LINES
     common = np.zeros(fit.pole.size, dtype=bool)
     for r, (centre, width) in enumerate(zip(place, half, strict=True)):
         reach = int(max(REACH * width, FEWEST_LINES))
@@ -87,14 +87,14 @@ def is_common(data: Functions, fit: Fit, *, left: float = 0.3) -> NDArray[np.boo
         lines = slice(start, stop)
         sums = _around_pole(data, fit, r, lines, width)
         number = np.arange(start, stop)
-        free = np.all(np.abs(number[:, None] - place) > own, axis=1)
+        free = np.all(np.abs(number[:, None] - place) > excluded, axis=1)
         if not free.any():
             continue
         lost = free & (sums.left > left * sums.modes)
         floor = float(np.median(sums.noise[free]))
         k = int(np.clip(np.round(centre), start, stop - 1)) - start
         peak = float(np.max(sums.whole[max(0, k - 2) : k + 3])) - floor
-        high = _number_of_peaks(np.where(lost, sums.noise - floor, 0.0), AS_HIGH * peak, int(own[r]))
+        high = _number_of_peaks(np.where(lost, sums.noise - floor, 0.0), AS_HIGH * peak, int(excluded[r]))
         common[r] = peak <= 0.0 or high >= SEVERAL
     return common
 
@@ -125,13 +125,13 @@ def _around_pole(
     sums = _Sums(**{name: np.zeros(frequency.size) for name in ("left", "modes", "noise", "whole")})
     few = max(1, at_once // (2 * frequency.size))  # transforms have twice the lines
     for first in range(0, len(data.value), few):
-        own = slice(first, first + few)
-        scale = np.sqrt(fit.weight[own, lines]) / fit.noise[own, None]
-        left = fit.residual[own, lines] * scale
+        rows = slice(first, first + few)
+        scale = np.sqrt(fit.weight[rows, lines]) / fit.noise[rows, None]
+        left = fit.residual[rows, lines] * scale
         sums.left += _power(left, width)
-        sums.modes += _power((data.value[own, lines] - fit.residual[own, lines]) * scale, width)
+        sums.modes += _power((data.value[rows, lines] - fit.residual[rows, lines]) * scale, width)
         sums.noise += _line_statistic(left, width)
-        mode = response(around, fit.pole[[r]], fit.residue[own][:, [r]])
+        mode = response(around, fit.pole[[r]], fit.residue[rows][:, [r]])
         sums.whole += _line_statistic(left + mode * scale, width)
     return sums
 
@@ -291,17 +291,17 @@ def fit_band(
         whole = _fit_at_once(frf, order, chosen, band)
         return whole if chosen is not None else _amid_overlap(frf, order, whole, band)
     ends = [band[0], *(float(frf.frequency[part.core.start]) for part in parts[1:]), band[1]]
-    found: list[BandFit] = []
+    fits: list[BandFit] = []
     weights: list[NDArray[np.float64]] = []
     for part, lower, upper in zip(parts, ends[:-1], ends[1:], strict=True):
         lines = frf.frequency[part.lines]
-        own = None if chosen is None else chosen[_between(chosen, lower, upper)]
+        chosen_there = None if chosen is None else chosen[_between(chosen, lower, upper)]
         around = (min(lower, float(lines[0])), max(upper, float(lines[-1])))
-        one = _fit_at_once(frf.band(lines[0], lines[-1]), order, own, around)
+        one = _fit_at_once(frf.band(lines[0], lines[-1]), order, chosen_there, around)
         own_lines = part.of(one.fit.weight)
         weights.append(own_lines / one.fit.noise[:, None] ** 2)
-        found.append(replace(one, fit=_without_lines(one.fit)))
-    return _joined(frf, parts, ends, found, weights)
+        fits.append(replace(one, fit=_without_lines(one.fit)))
+    return _joined(frf, parts, ends, fits, weights)
 
 
 def _fit_at_once(
@@ -312,7 +312,7 @@ def _fit_at_once(
         fit, runs, left = fit_chosen(data, chosen, band)
         return BandFit(value=frf.value, fit=fit, runs=runs, left=left)
     fit, runs, left = select_modes(data, stabilization(frf, order=order).chosen, band)
-    found = BandFit(value=frf.value, fit=fit, runs=runs, left=left)
+    result = BandFit(value=frf.value, fit=fit, runs=runs, left=left)
     followed = (
         follow_runs(frf, data, order, band, fit)
         if resonant(fit.pole, band).any() and runs_apart(fit, runs, left, band)
@@ -320,16 +320,16 @@ def _fit_at_once(
     )
     if followed is not None:
         value = followed.value.reshape(frf.value.shape)
-        found = _told_of(
-            frf, BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left), found, _LOST
+        result = _told_of(
+            frf, BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left), result, _LOST
         )
-    return _told_of(frf, _without_common(frf, found), found, _COMMON)
+    return _told_of(frf, _without_common(frf, result), result, _COMMON)
 
 
 def _amid_overlap(
     frf: FRF,
     order: int,
-    found: BandFit,
+    first: BandFit,
     band: tuple[float, float],
     *,
     # Modal overlap factor from which modes are sought beside background.
@@ -344,19 +344,19 @@ def _amid_overlap(
     """
     data = _functions(frf)
     candidates = stabilization(frf, order=order).chosen
-    before = _left(_functions(replace(frf, value=found.value)), found.fit)
+    before = _left(_functions(replace(frf, value=first.value)), first.fit)
     if modal_overlap(candidates) < overlap or before < little:
-        return found
+        return first
     whole, is_mode = with_background(data, candidates, band)
     if is_mode.all() or not is_mode.any():
-        return found
+        return first
     background = response(data, whole.pole[~is_mode], whole.residue[:, ~is_mode])
     fit, runs, _ = fit_chosen(replace(data, value=data.value - background), whole.pole[is_mode], band)
     pole = np.append(fit.pole, whole.pole[~is_mode])
     joint = data.linear_fit(pole, fit.weight)
-    n_mode, n_before = (np.count_nonzero(resonant(own.pole, band)) for own in (fit, found.fit))
+    n_mode, n_before = (np.count_nonzero(resonant(one.pole, band)) for one in (fit, first.fit))
     if n_mode <= n_before or _left(data, joint) > before:
-        return found
+        return first
     hidden = replace(fit, residual=fit.residual + background)
     left = tuple(
         (peak, OVERLAPPED)
@@ -379,18 +379,18 @@ def _left(data: Functions, fit: Fit) -> float:
     return float(rest.sum() / each.sum())
 
 
-def _told_of(frf: FRF, found: BandFit, before: BandFit, reason: str) -> BandFit:
+def _told_of(frf: FRF, result: BandFit, before: BandFit, reason: str) -> BandFit:
     """List the peaks that had a pole before, or were listed, and have none now."""
-    data = _functions(replace(frf, value=found.value))
+    data = _functions(replace(frf, value=result.value))
     earlier = _functions(replace(frf, value=before.value))
-    told = [*found.left]
-    for peak in unexplained_peaks(data, found.fit):
-        if holds_pole(data, found.fit, peak) or any(_overlap(peak, p) for p, _ in told):
+    left = [*result.left]
+    for peak in unexplained_peaks(data, result.fit):
+        if holds_pole(data, result.fit, peak) or any(_overlap(peak, p) for p, _ in left):
             continue
         why = [said for other, said in before.left if _overlap(peak, other)]
         if why or holds_pole(earlier, before.fit, peak):
-            told.append((peak, why[0] if why else reason))
-    return replace(found, left=tuple(told))
+            left.append((peak, why[0] if why else reason))
+    return replace(result, left=tuple(left))
 
 
 def _overlap(peak: Peak, other: Peak) -> bool:
@@ -398,22 +398,24 @@ def _overlap(peak: Peak, other: Peak) -> bool:
     return peak.first <= other.last and other.first <= peak.last
 
 
-def _without_common(frf: FRF, found: BandFit) -> BandFit:
+def _without_common(frf: FRF, given: BandFit) -> BandFit:
     """Take away poles beside which peaks as high are left.
 
     Runs that differ leave such peaks of the strongest modes, too, until they are followed: so this comes last. Where
     it is the misfit of strong modes that is as high, lines weigh by that misfit.
     """
-    data = _functions(replace(frf, value=found.value))
-    own = _weighed(data, found)
-    while (common := _is_common_anyhow(data, own.fit)).any():
+    data = _functions(replace(frf, value=given.value))
+    result = _weighed(data, given)
+    while (common := _is_common_anyhow(data, result.fit)).any():
         kept = np.flatnonzero(~common)
         pairs = (2 * kept[:, None] + np.arange(2)).reshape(-1)
-        covariance = own.fit.pole_covariance[np.ix_(pairs, pairs)]
-        fit = linear_fit(data.frequency, data.value, own.fit.pole[kept], data.quantity, own.fit.weight)
-        runs = {name: getattr(own.runs, name)[..., kept] for name in ("pole", "residue", *_OF_MODES)}
-        own = replace(own, fit=replace(fit, pole_covariance=covariance), runs=replace(own.runs, **runs))
-    return own
+        covariance = result.fit.pole_covariance[np.ix_(pairs, pairs)]
+        fit = linear_fit(data.frequency, data.value, result.fit.pole[kept], data.quantity, result.fit.weight)
+        runs = {name: getattr(result.runs, name)[..., kept] for name in ("pole", "residue", *_OF_MODES)}
+        result = replace(
+            result, fit=replace(fit, pole_covariance=covariance), runs=replace(result.runs, **runs)
+        )
+    return result
 
 
 def _is_common_anyhow(data: Functions, fit: Fit) -> NDArray[np.bool_]:
@@ -422,23 +424,23 @@ def _is_common_anyhow(data: Functions, fit: Fit) -> NDArray[np.bool_]:
     return common & is_common(data, data.linear_fit(fit.pole)) if common.any() else common
 
 
-def _weighed(data: Functions, found: BandFit) -> BandFit:
+def _weighed(data: Functions, given: BandFit) -> BandFit:
     """Weigh lines by the misfit where poles come to explain their peaks, and to stand alone, by that and not without.
 
     The misfit of much stronger modes takes the residues of weak ones, and what it leaves is as high as they are.
     """
-    common = is_common(data, found.fit)
-    hungry = common & (left_at_poles(data, found.fit) > LEAST_SHARE)
-    if not hungry.any() or found.runs.followed:
-        return found
-    fit = settled(data, data.weigh_by_misfit(found.fit))
-    order = np.abs(found.fit.pole[:, None] - fit.pole).argmin(axis=1)
+    common = is_common(data, given.fit)
+    hungry = common & (left_at_poles(data, given.fit) > LEAST_SHARE)
+    if not hungry.any() or given.runs.followed:
+        return given
+    fit = settled(data, data.weigh_by_misfit(given.fit))
+    order = np.abs(given.fit.pole[:, None] - fit.pole).argmin(axis=1)
     fit = data.linear_fit(fit.pole[order], fit.weight)
     still = is_common(data, fit)
     mended = hungry & ~still & (left_at_poles(data, fit) < LEAST_SHARE)
-    if fit.objective >= found.fit.objective or not mended.any() or (still & ~common).any():
-        return found
-    return replace(found, fit=fit, runs=run_poles(data, fit))
+    if fit.objective >= given.fit.objective or not mended.any() or (still & ~common).any():
+        return given
+    return replace(given, fit=fit, runs=run_poles(data, fit))
 
 
 def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArray[np.bool_]:
@@ -450,7 +452,7 @@ def _joined(
     frf: FRF,
     parts: tuple[PartBand, ...],
     ends: list[float],
-    found: list[BandFit],
+    fits: list[BandFit],
     weights: list[NDArray[np.float64]],
 ) -> BandFit:
     """Put the modes of the parts together: poles and their scatter as each part gives them, residues of all at once.
@@ -460,14 +462,14 @@ def _joined(
     """
     lower, upper = [0.0, *ends[1:-1]], [*ends[1:-1], np.inf]
     kept = [
-        np.flatnonzero(_between(own.fit.pole, a, b)) for own, a, b in zip(found, lower, upper, strict=True)
+        np.flatnonzero(_between(one.fit.pole, a, b)) for one, a, b in zip(fits, lower, upper, strict=True)
     ]
-    pole = np.concatenate([own.fit.pole[r] for own, r in zip(found, kept, strict=True)])
+    pole = np.concatenate([one.fit.pole[r] for one, r in zip(fits, kept, strict=True)])
     rank = np.lexsort((np.abs(pole), ~resonant(pole, (ends[0], ends[-1]))))
     pairs = (2 * rank[:, None] + np.arange(2)).reshape(-1)
-    followed = any(own.runs.followed for own in found)
+    followed = any(one.runs.followed for one in fits)
     value = (
-        np.concatenate([part.of(own.value) for part, own in zip(parts, found, strict=True)], axis=-1)
+        np.concatenate([part.of(one.value) for part, one in zip(parts, fits, strict=True)], axis=-1)
         if followed
         else frf.value
     )
@@ -485,14 +487,14 @@ def _joined(
     fit = linear_fit(data.frequency, data.value, pole[rank], data.quantity, weight)
 
     def of_runs(name: str) -> NDArray[np.float64]:
-        columns = [getattr(own.runs, name)[..., r] for own, r in zip(found, kept, strict=True)]
+        columns = [getattr(one.runs, name)[..., r] for one, r in zip(fits, kept, strict=True)]
         return np.concatenate(columns, axis=-1)[..., rank]
 
     return BandFit(
         value=value,
         fit=replace(fit, pole_covariance=covariance[np.ix_(pairs, pairs)]),
         runs=RunPoles(
-            run=found[0].runs.run,
+            run=fits[0].runs.run,
             pole=np.asarray(of_runs("pole"), dtype=complex),
             residue=np.asarray(of_runs("residue"), dtype=complex),
             followed=followed,
@@ -500,8 +502,8 @@ def _joined(
         ),
         left=tuple(
             (peak, reason)
-            for own, a, b in zip(found, lower, upper, strict=True)
-            for peak, reason in own.left
+            for one, a, b in zip(fits, lower, upper, strict=True)
+            for peak, reason in one.left
             if a <= peak.frequency < b
         ),
     )
@@ -523,8 +525,8 @@ def _beside_others(
     pole = fit.pole.copy()
     covariance = []
     for k, part in enumerate(parts):
-        own = owner == k
-        pole[own], one = _refined(data, fit, part, own)
+        members = owner == k
+        pole[members], one = _refined(data, fit, part, members)
         covariance.append(one)
     return pole, scipy.linalg.block_diag(*covariance)
 
@@ -533,21 +535,21 @@ def _refined(
     data: Functions,
     fit: Fit,
     part: PartBand,
-    own: NDArray[np.bool_],
+    members: NDArray[np.bool_],
     *,
     # Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves
     # then.
     strays: float = 0.5,
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Return the poles of one part, which are its `own` of all, and their covariance."""
+    """Return the poles of one part, which are its `members` of all, and their covariance."""
     lines = replace(data, frequency=data.frequency[part.lines], value=data.value[:, part.lines])
-    rest = response(lines, fit.pole[~own], fit.residue[:, ~own])
+    rest = response(lines, fit.pole[~members], fit.residue[:, ~members])
     np.subtract(lines.value, rest, out=rest)
     weight = fit.weight[:, part.lines]
     weight = weight / np.exp(np.mean(np.log(weight), axis=1, keepdims=True))
-    refined = refine(lines.frequency, rest, fit.pole[own], data.quantity, weight)
-    if np.any(np.abs(refined.pole - fit.pole[own]) > -strays * fit.pole[own].real):
-        refined = linear_fit(lines.frequency, rest, fit.pole[own], data.quantity, weight)
+    refined = refine(lines.frequency, rest, fit.pole[members], data.quantity, weight)
+    if np.any(np.abs(refined.pole - fit.pole[members]) > -strays * fit.pole[members].real):
+        refined = linear_fit(lines.frequency, rest, fit.pole[members], data.quantity, weight)
     return refined.pole, refined.pole_covariance
 
 

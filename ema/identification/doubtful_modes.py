@@ -54,11 +54,11 @@ def check_modes(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
     tuple of Verdict
         Warnings about the set; none where nothing is doubtful.
     """
-    own = (_background, _overlap, _damping)
-    found = (*(say(modal_model) for say in own), _broad(frf, modal_model), *_phases(modal_model))
+    checks = (_background, _overlap, _damping)
+    findings = (*(say(modal_model) for say in checks), _broad(frf, modal_model), *_phases(modal_model))
     return tuple(
         Verdict(check=check, level="warn", channel=(), band=None, message=text)
-        for check, text in found
+        for check, text in findings
         if text
     )
 
@@ -210,25 +210,25 @@ def check_references(
     )
     kept = np.concatenate([pole[alone], modal_model.outside_pole])
     runs = run_poles(data, linear_fit(data.frequency, data.value, kept, data.quantity))
-    told, sure = [], False
+    differing, sure = [], False
     number = np.flatnonzero(alone)
     for r in range(number.size):
-        found = np.abs(runs.pole[:, r]) / (2.0 * np.pi)
+        hertz = np.abs(runs.pole[:, r]) / (2.0 * np.pi)
         seen = np.flatnonzero(np.isfinite(runs.frequency_std[:, r]))
-        off = 2.0 * np.pi * np.ptp(found[seen]) / -kept[r].real if seen.size else 0.0
+        off = 2.0 * np.pi * np.ptp(hertz[seen]) / -kept[r].real if seen.size else 0.0
         if off > least_shift and runs.probability[:, r].min() < RUNS_DIFFER:
-            each = (f"{found[i]:.6g} Hz with the force at {modal_model.input.name(int(i))}" for i in seen)
-            told.append(f"mode {number[r] + 1}: {' and '.join(each)}")
+            each = (f"{hertz[i]:.6g} Hz with the force at {modal_model.input.name(int(i))}" for i in seen)
+            differing.append(f"mode {number[r] + 1}: {' and '.join(each)}")
             sure = sure or off < wanders
-    return (_verdict(told, sure or len(told) > 1),)
+    return (_verdict(differing, sure or len(differing) > 1),)
 
 
-def _verdict(told: list[str], changed: bool) -> Verdict:
+def _verdict(differing: list[str], changed: bool) -> Verdict:
     """Say in which modes forces differ, and whether the structure changed or a mode is doubtful."""
-    if not told:
+    if not differing:
         text = "forces at all points find the same frequencies"
         return Verdict(check="references", level="pass", channel=(), band=None, message=text)
-    listed = "; ".join(told[:_LISTED]) + ("; ..." if len(told) > _LISTED else "")
+    listed = "; ".join(differing[:_LISTED]) + ("; ..." if len(differing) > _LISTED else "")
     text = f"frequencies differ from force to force: {listed}: "
     if changed:
         text += "the structure changed between these tests; identify each in a configuration of its own"
@@ -292,16 +292,16 @@ def stability(diagram: StabilizationDiagram, frf: FRF) -> Stability:
     """
     step = max(1, frf.frequency.size // _LINES)
     lines, value = frf.frequency[::step], frf.value[:, 0, ::step]
-    found = np.zeros((3, diagram.pole.size), dtype=bool)
+    stable = np.zeros((3, diagram.pole.size), dtype=bool)
     below: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
     for order in np.unique(diagram.order):
-        own = np.flatnonzero(diagram.order == order)
-        pole = diagram.pole[own]
+        members = np.flatnonzero(diagram.order == order)
+        pole = diagram.pole[members]
         shape = _shapes(lines, value, pole, frf)
         if below is not None and below[0].size:
-            found[:, own] = _shared(pole, shape, *below)
+            stable[:, members] = _shared(pole, shape, *below)
         below = pole, shape
-    return Stability(frequency=found[0], damping=found[1], shape=found[2])
+    return Stability(frequency=stable[0], damping=stable[1], shape=stable[2])
 
 
 def dropped_columns(

@@ -143,7 +143,7 @@ def read_poles(path: Path) -> NDArray[np.complex128]:
     except (OSError, UnicodeDecodeError) as error:
         message = f"{path}: cannot be read: {error}"
         raise IdentificationError(message) from error
-    found: list[complex] = []
+    poles: list[complex] = []
     for number, line in enumerate(lines, start=1):
         words = line.partition("#")[0].split()
         if not words:
@@ -161,11 +161,11 @@ def read_poles(path: Path) -> NDArray[np.complex128]:
                 f"(0.01 is 1 %), got {frequency:g} and {damping:g}"
             )
             raise IdentificationError(message)
-        found.append(2.0 * np.pi * frequency * complex(-damping, np.sqrt(1.0 - damping**2)))
-    if not found:
+        poles.append(2.0 * np.pi * frequency * complex(-damping, np.sqrt(1.0 - damping**2)))
+    if not poles:
         message = f"{path}: holds no pole; give one a line, as frequency in Hz and damping ratio"
         raise IdentificationError(message)
-    return np.array(sorted(found, key=abs))
+    return np.array(sorted(poles, key=abs))
 
 
 Model = TypeVar("Model")
@@ -200,8 +200,8 @@ def from_sdypy(
     frequency, damping, constant = _identified(model, name, output.node.size)
     order = np.argsort(frequency)
     residue = constant[:, order][:, None, :]
-    found = _with_shapes(frequency[order], damping[order], residue, (output, force), std)
-    made = modal_model_of(found, name=name, geometry=geometry, force=force, std=std)
+    modes = _with_shapes(frequency[order], damping[order], residue, (output, force), std)
+    made = modal_model_of(modes, name=name, geometry=geometry, force=force, std=std)
     band = (float(getattr(model, "lower", made.band[0])), float(getattr(model, "upper", made.band[1])))
     return replace(
         made,
@@ -286,7 +286,9 @@ def _identified(
     model: Any, name: str, n_output: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
     """Return frequencies, damping ratios and modal constants (n_output, n_mode); refuse what is not complete."""
-    missing = [own for own in ("nat_freq", "nat_xi", "A") if getattr(model, own, None) is None]
+    missing = [
+        attribute for attribute in ("nat_freq", "nat_xi", "A") if getattr(model, attribute, None) is None
+    ]
     if missing:
         message = (
             f"{name}: the sdypy-EMA model has no {', '.join(missing)}; call get_poles(), select_closest_poles(...) and "
@@ -323,5 +325,7 @@ def _poles(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _residual(model: Any, name: str, n_output: int) -> NDArray[np.complex128]:
     """Return a residual term of every function, (n_output, 1); zero where the model has none."""
-    own = getattr(model, name, None)
-    return np.zeros((n_output, 1), complex) if own is None else np.asarray(own, complex).reshape(n_output, 1)
+    term = getattr(model, name, None)
+    return (
+        np.zeros((n_output, 1), complex) if term is None else np.asarray(term, complex).reshape(n_output, 1)
+    )

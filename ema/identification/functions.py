@@ -153,13 +153,13 @@ def _inverse_variance(
     rounds: int = 50,
 ) -> NDArray[np.float64]:
     """Return inverse variances of all functions, two unknowns each, (n_function, n_frequency)."""
-    power, left = (own / np.mean(own, axis=1, keepdims=True) for own in (power, left))
+    power, left = (part_power / np.mean(part_power, axis=1, keepdims=True) for part_power in (power, left))
     part = np.stack([np.median(left, axis=1), np.full(len(left), 1e-4)], axis=1)
     moving = np.arange(len(part))
     for _ in range(rounds):
-        own, constant, growing = power[moving], part[moving, :1], part[moving, 1:]
-        first = 1.0 / (constant + growing * own)
-        second, target = own * first, left[moving] * first - 1.0
+        part_power, constant, growing = power[moving], part[moving, :1], part[moving, 1:]
+        first = 1.0 / (constant + growing * part_power)
+        second, target = part_power * first, left[moving] * first - 1.0
         rows = np.stack([first, second], axis=1)
         size = np.linalg.norm(rows, axis=2, keepdims=True)
         rows /= size
@@ -213,10 +213,10 @@ class Functions:
 
     def of_run(self, number: int) -> Functions:
         """Return the functions of one run."""
-        own = self.run == number
-        if own.all():
+        members = self.run == number
+        if members.all():
             return self
-        return replace(self, value=self.value[own], run=self.run[own], weight=self.weight[own])
+        return replace(self, value=self.value[members], run=self.run[members], weight=self.weight[members])
 
 
 def inside(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:

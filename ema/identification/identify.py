@@ -105,11 +105,11 @@ def identify(
     """
     failures: list[Failure] = []
     for configuration in campaign.configurations:
-        found = try_identify(campaign, configuration.name, (poles or {}).get(configuration.name))
-        if isinstance(found, Failure):
-            failures.append(found)
+        result = try_identify(campaign, configuration.name, (poles or {}).get(configuration.name))
+        if isinstance(result, Failure):
+            failures.append(result)
         else:
-            yield found
+            yield result
     if len(failures) == 1:
         raise failures[0].error
     if failures:
@@ -222,15 +222,15 @@ def identify_frf(
     white = lines.convert(whitest(lines))
     quantity, n_input = lines.quantity, lines.input.node.size
     del lines  # large
-    found = fit_band(white, order, pole, band)
-    _require_modes(found.fit, white, order, pole, band, name)
-    white = replace(white, value=found.value)
-    model = _model(found, white, quantity, geometry, name, band)
+    result = fit_band(white, order, pole, band)
+    _require_modes(result.fit, white, order, pole, band, name)
+    white = replace(white, value=result.value)
+    model = _model(result, white, quantity, geometry, name, band)
     model = with_repeated_roots(model, white)
     changes = run_changes(model, frf.run, sensors_rove=not frf.reciprocal)
     model = over_runs(model, frf.run, 0.0 if frf.reciprocal else sensor_mass, changes)
     model = with_unknown_lines(model, white.frequency)
-    return replace(model, unexplained=_unexplained(found.left, n_input))
+    return replace(model, unexplained=_unexplained(result.left, n_input))
 
 
 def _require_lines(
@@ -323,12 +323,14 @@ def _without_sensors(modal_model: ModalModel, stated: float) -> tuple[str, ...]:
             )
         )
     mass = f"{1e3 * modal_model.sensor_mass:.3g} g each, " if modal_model.sensor_mass > 0.0 else ""
-    told = "as stated" if stated > 0.0 else "as the runs tell"
-    listed = ", ".join(f"{100 * own:+.2f} % (mode {r + 1})" for r, own in enumerate(shift) if own != 0.0)
+    source = "as stated" if stated > 0.0 else "as the runs tell"
+    listed = ", ".join(
+        f"{100 * share:+.2f} % (mode {r + 1})" for r, share in enumerate(shift) if share != 0.0
+    )
     kept = ", ".join(f"{r + 1}" for r in np.flatnonzero(shift == 0.0))
     rest = f"; not of mode {kept}, whose shift is not known" if kept else ""
     return (
-        f"frequencies are those of the structure without the sensors ({mass}{told}), which shift them by "
+        f"frequencies are those of the structure without the sensors ({mass}{source}), which shift them by "
         f"{listed}{rest}",
     )
 
@@ -383,13 +385,13 @@ def _as_measured(
 
 
 def _model(
-    found: BandFit, frf: FRF, quantity: Quantity, geometry: Geometry, name: str, band: tuple[float, float]
+    result: BandFit, frf: FRF, quantity: Quantity, geometry: Geometry, name: str, band: tuple[float, float]
 ) -> ModalModel:
     """Collect the results of a fit of `frf`; noise and errors are those of the measured quantity."""
     n_output, n_input, _ = frf.value.shape
-    fit, runs = found.fit, found.runs
-    own = fit.pole[: fit.pole.size - found.n_background]
-    n_mode = int(np.count_nonzero(resonant(own, band)))  # the others come last
+    fit, runs = result.fit, result.runs
+    poles = fit.pole[: fit.pole.size - result.n_background]
+    n_mode = int(np.count_nonzero(resonant(poles, band)))  # the others come last
     inflation = np.repeat(np.sqrt(runs.enlargement), 2)
     variance_of_poles = fit.pole_covariance * np.outer(inflation, inflation)
     growth = runs.growth(*frequency_damping_std(fit.pole, variance_of_poles))
@@ -447,8 +449,10 @@ def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> tuple[NDArray[np.complex128],
     constant is a residue times its own frequency.
     """
     shape = (*frf.value.shape[:2], fit.pole.size)
-    own = (runs.pole.imag[np.searchsorted(runs.run, frf.run)] / fit.pole.imag)[:, None, :]
-    return np.asarray(runs.residue.reshape(shape) * own, dtype=complex), runs.variance.reshape(shape) * own**2
+    ratio = (runs.pole.imag[np.searchsorted(runs.run, frf.run)] / fit.pole.imag)[:, None, :]
+    return np.asarray(runs.residue.reshape(shape) * ratio, dtype=complex), runs.variance.reshape(
+        shape
+    ) * ratio**2
 
 
 def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[np.complex128]:
@@ -462,9 +466,9 @@ def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[
     free = pole + decay_rate
     wrong = free.real >= 0.0
     if decay_rate > 0.0 and np.any(wrong):
-        hertz, own = np.abs(pole[wrong][0]) / (2.0 * np.pi), -pole[wrong][0].real
+        hertz, decay = np.abs(pole[wrong][0]) / (2.0 * np.pi), -pole[wrong][0].real
         message = (
-            f"the mode at {hertz:.6g} Hz decays by {own:.4g} 1/s, but the exponential window alone, as it is stated, "
+            f"the mode at {hertz:.6g} Hz decays by {decay:.4g} 1/s, but the exponential window alone, as it is stated, "
             f"would add {decay_rate:.4g} 1/s; state the time constant of the window that was used"
         )
         raise IdentificationError(message)

@@ -63,8 +63,8 @@ def mode_basis(
     basis = np.empty((pole.size, 2, 2, n))
     few = max(1, _BLOCK // n)
     for k in range(0, pole.size, few):
-        rows, own = basis[k : k + few], pole[k : k + few, None]
-        for row, receptance in enumerate(_columns(omega, own, power)):
+        rows, some = basis[k : k + few], pole[k : k + few, None]
+        for row, receptance in enumerate(_columns(omega, some, power)):
             rows[:, row, 0], rows[:, row, 1] = _derived(omega, receptance, quantity)
     return basis.reshape(2 * pole.size, 2 * n).T
 
@@ -88,16 +88,16 @@ def mode_derivatives(
         Rows in the same order.
     """
     n, omega = frequency.size, 2.0 * np.pi * frequency
-    parts, found = rows.reshape(-1, 2, 2, n), np.empty((len(rows) // 2, 2, 2, n))
+    parts, derivatives = rows.reshape(-1, 2, 2, n), np.empty((len(rows) // 2, 2, 2, n))
     few = max(1, _BLOCK // n)
     # With p and q = 1 / (s - pole) and its mirror image, p**2 + q**2 and i (p**2 - q**2) from p + q and i (p - q).
     for k in range(0, len(parts), few):
         (a, b), (c, d) = parts[k : k + few].transpose(1, 2, 0, 3)
         pairs = (0.5 * ((a - b) * (a + b) - (c - d) * (c + d)), a * b - c * d), (a * c - b * d, a * d + b * c)
         for row, receptance in enumerate(pairs):
-            own = found[k : k + few, row]
-            own[:, 0], own[:, 1] = _once(omega, receptance, quantity)
-    return found.reshape(rows.shape)
+            some = derivatives[k : k + few, row]
+            some[:, 0], some[:, 1] = _once(omega, receptance, quantity)
+    return derivatives.reshape(rows.shape)
 
 
 def _once(omega: NDArray[np.float64], square: _Parts, quantity: Quantity) -> _Parts:
@@ -114,11 +114,11 @@ def _columns(omega: NDArray[np.float64], pole: NDArray[np.complex128], power: in
     They are 2 (s - decay) / D and -2 own / D with D = (s - pole) (s - conj(pole)), in real arithmetic: complex
     divisions take several times as long. No nearly equal numbers are subtracted but the frequencies.
     """
-    decay, own = pole.real, pole.imag
-    re, im = decay**2 - (omega - own) * (omega + own), (-2.0 * decay) * omega
+    decay, rotation = pole.real, pole.imag
+    re, im = decay**2 - (omega - rotation) * (omega + rotation), (-2.0 * decay) * omega
     double = 2.0 / (re * re + im * im)
-    a, b = (omega * omega + (decay**2 + own**2)) * (-decay * double), (omega * re + decay * im) * double
-    c, d = re * (-own * double), im * (own * double)
+    a, b = (omega * omega + (decay**2 + rotation**2)) * (-decay * double), (omega * re + decay * im) * double
+    c, d = re * (-rotation * double), im * (rotation * double)
     if power == 1:
         return (a, b), (c, d)
     # With p and q = 1 / (s - pole) and its mirror image, p**2 + q**2 and i (p**2 - q**2) from p + q and i (p - q).
@@ -236,7 +236,7 @@ class _Target:
         held: NDArray[np.complex128] = _NONE,
     ) -> _Target:
         """Lay out what is fitted; see `refine`."""
-        even = weight is None or all(np.all(own == 1.0) for own in weight)
+        even = weight is None or all(np.all(row == 1.0) for row in weight)
         return cls(
             frequency=frequency,
             quantity=quantity,
@@ -262,16 +262,16 @@ class _Target:
     def _whole(self) -> NDArray[np.float64]:
         return self._laid_out(slice(None))
 
-    def rows(self, own: slice) -> NDArray[np.float64]:
+    def rows(self, block: slice) -> NDArray[np.float64]:
         """Real beside imaginary parts of some functions, ``(n, 2 n_frequency)``."""
-        return self._whole if len(self.blocks) == 1 else self._laid_out(own)
+        return self._whole if len(self.blocks) == 1 else self._laid_out(block)
 
-    def _laid_out(self, own: slice) -> NDArray[np.float64]:
-        return np.concatenate([self.value[own].real, self.value[own].imag], axis=1)
+    def _laid_out(self, block: slice) -> NDArray[np.float64]:
+        return np.concatenate([self.value[block].real, self.value[block].imag], axis=1)
 
-    def weights(self, own: slice) -> NDArray[np.float64]:
+    def weights(self, block: slice) -> NDArray[np.float64]:
         """Their weights, ``(n, 2 n_frequency)``."""
-        return np.tile(self.weight[own], 2)
+        return np.tile(self.weight[block], 2)
 
     def modes(self, pole: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Modes, ``(2 n_mode, 2 n_frequency)``; see `mode_basis`."""
@@ -415,13 +415,13 @@ def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
     modes = target.modes(pole)
     basis = _orthonormal(np.concatenate([modes, target.fixed]))
     parts, inverses, squares, remainder = [], [], [], np.empty((0, 0))
-    for own in target.blocks:
-        value = target.rows(own)
+    for block in target.blocks:
+        value = target.rows(block)
         if target.even:
             inverse = np.eye(len(basis.rows))[None]
             part = basis.turn @ (basis.rows @ value.T)
         else:
-            weight = target.weights(own)
+            weight = target.weights(block)
             normal = np.stack([_gram(basis.rows * root) for root in np.sqrt(weight)])
             inverse = np.asarray(np.linalg.inv(basis.turn @ normal @ basis.turn.T))
             part = (inverse @ (basis.turn @ (basis.rows @ (weight * value).T)).T[..., None])[..., 0].T
@@ -454,11 +454,11 @@ def _remainder(basis: _Basis, part: NDArray[np.float64], value: NDArray[np.float
     return np.subtract(value, left, out=left)
 
 
-def _left(target: _Target, state: _Projection, own: slice) -> NDArray[np.float64]:
+def _left(target: _Target, state: _Projection, block: slice) -> NDArray[np.float64]:
     """Return what a fit leaves of some functions, (n, 2 n_frequency)."""
     if state.remainder.size:
-        return state.remainder[own]
-    return _remainder(state.basis, state.part[:, own], target.rows(own))
+        return state.remainder[block]
+    return _remainder(state.basis, state.part[:, block], target.rows(block))
 
 
 def _orthonormal(
@@ -520,7 +520,7 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
     tangent = derivative - (basis.turn.T @ along).T @ basis.rows
     if target.even:
         gram, along = _gram(tangent)[None], along[None]
-        seen = np.hstack([tangent @ _left(target, state, own).T for own in target.blocks])
+        seen = np.hstack([tangent @ _left(target, state, block).T for block in target.blocks])
     else:
         n_basis = len(basis.rows)
         both = np.concatenate([basis.rows, tangent])
@@ -530,7 +530,7 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
         gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ more
         along = along + more
         seen = np.hstack(
-            [tangent @ (target.weights(own) * _left(target, state, own)).T for own in target.blocks]
+            [tangent @ (target.weights(block) * _left(target, state, block)).T for block in target.blocks]
         )  # (2 n_mode, n_function)
     n_mode, n_function = state.pole.size, len(target.value)
     real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
@@ -560,9 +560,9 @@ def _finish(target: _Target, state: _Projection) -> Fit:
     residue, lower, upper = split_coefficients(state.coefficient)
     n_frequency = target.frequency.size
     residual = np.empty(target.value.shape, complex)
-    for own in target.blocks:
-        left = _left(target, state, own)
-        residual[own].real, residual[own].imag = left[:, :n_frequency], left[:, n_frequency:]
+    for block in target.blocks:
+        left = _left(target, state, block)
+        residual[block].real, residual[block].imag = left[:, :n_frequency], left[:, n_frequency:]
     scale = np.sqrt(np.diag(information))
     normalised = scipy.linalg.pinvh(information / np.outer(scale, scale)) if scale.size else information
     return Fit(

@@ -178,12 +178,12 @@ def run_poles(data: Functions, fit: Fit, start: NDArray[np.complex128] | None = 
     std = np.empty((2, numbers.size, n_mode))
     residue, alone = np.empty(fit.residue.shape, dtype=complex), []
     for k, number in enumerate(numbers):
-        own = weighted.of_run(number)
-        pole[k], std[0, k], std[1, k] = _refined_alone(own, fit.pole if start is None else start[k])
-        alone.append(_linear_fit(own, pole[k]))
+        of_run = weighted.of_run(number)
+        pole[k], std[0, k], std[1, k] = _refined_alone(of_run, fit.pole if start is None else start[k])
+        alone.append(_linear_fit(of_run, pole[k]))
         residue[data.run == number] = alone[k].residue
     enlarged = enlargement(
-        tuple(run_noise(data.of_run(n), own) for n, own in zip(numbers, alone, strict=True))
+        tuple(run_noise(data.of_run(n), of_run) for n, of_run in zip(numbers, alone, strict=True))
     )
     std *= np.sqrt(enlarged.each)
     variance = np.empty(residue.shape)
@@ -220,16 +220,16 @@ def _refined_alone(
     while True:
         # What a run hardly shows would wander through its noise; it is taken out as the pole of all runs gives it.
         rest = run.value - response(run, pole[~visible], at_all.residue[:, ~visible])
-        own = refine(run.frequency, rest, pole[visible], run.quantity, run.weight)
-        stds, inflation = _stds(own), variance_inflation(run.frequency, own)
-        determined = _determined(own.pole, pole[visible], np.sqrt(inflation) * stds[0])
+        fit = refine(run.frequency, rest, pole[visible], run.quantity, run.weight)
+        stds, inflation = _stds(fit), variance_inflation(run.frequency, fit)
+        determined = _determined(fit.pole, pole[visible], np.sqrt(inflation) * stds[0])
         if determined.all():
             break
         # A pole that did wander leaves the others to rounding: again without it.
         visible[np.flatnonzero(visible)[~determined]] = False
     refined = pole.copy()
     frequency_std, damping_std = np.full((2, pole.size), np.inf)
-    refined[visible], frequency_std[visible], damping_std[visible] = own.pole, *stds
+    refined[visible], frequency_std[visible], damping_std[visible] = fit.pole, *stds
     return refined, frequency_std, damping_std
 
 

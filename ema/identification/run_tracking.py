@@ -119,13 +119,13 @@ def follow_runs(
     runs = run_poles(data, fit, track)
     value = _moved(data, runs, _mean(runs))
     fit = linear_fit(data.frequency, value, _mean(runs), data.quantity, fit.weight)
-    found = Followed(value=value, fit=fit, runs=replace(runs, followed=True), left=left)
-    return found if _worth(data, found, together) else None
+    followed = Followed(value=value, fit=fit, runs=replace(runs, followed=True), left=left)
+    return followed if _worth(data, followed, together) else None
 
 
 def _worth(
     data: Functions,
-    found: Followed,
+    followed: Followed,
     together: Fit,
     *,
     # Share of what common poles leave of the power that poles of each run may leave, to be worth their number.
@@ -134,11 +134,11 @@ def _worth(
     """Whether poles of each run explain more power, and are likelier, each counted (Akaike)."""
     power = np.sum(np.abs(data.value) ** 2, axis=1)
     mine, theirs = (
-        np.mean(np.sum(np.abs(fit.residual) ** 2, axis=1) / power) for fit in (found.fit, together)
+        np.mean(np.sum(np.abs(fit.residual) ** 2, axis=1) / power) for fit in (followed.fit, together)
     )
-    more = 2 * found.fit.pole.size * (found.runs.run.size - 1)
-    unknowns = 2 * (found.fit.pole.size - together.pole.size) * (1 + data.value.shape[0])
-    likelier = found.fit.objective + more + unknowns < together.objective
+    more = 2 * followed.fit.pole.size * (followed.runs.run.size - 1)
+    unknowns = 2 * (followed.fit.pole.size - together.pole.size) * (1 + data.value.shape[0])
+    likelier = followed.fit.objective + more + unknowns < together.objective
     return bool(mine < worth * theirs and likelier)
 
 
@@ -146,8 +146,8 @@ def _alone(
     frf: FRF, data: Functions, number: int, order: int, band: tuple[float, float]
 ) -> NDArray[np.complex128]:
     """Return the poles of the band that a run shows by itself."""
-    own = frf.outputs(frf.run == number)
-    fit, _, _ = select_modes(data.of_run(number), stabilization(own, order=order).chosen, band)
+    of_run = frf.outputs(frf.run == number)
+    fit, _, _ = select_modes(data.of_run(number), stabilization(of_run, order=order).chosen, band)
     return fit.pole[resonant(fit.pole, band)]
 
 
@@ -177,17 +177,17 @@ def linked(
     centre = np.log(np.abs(max(poles, key=len)))
     for _ in range(rounds):
         row: list[dict[int, complex]] = [{} for _ in centre]
-        for k, own in enumerate(poles):
-            for i, t in _pairs(np.log(np.abs(own)), centre):
-                row[t][k] = complex(own[i])
-            for i in set(range(own.size)) - {i for i, _ in _pairs(np.log(np.abs(own)), centre)}:
-                row.append({k: complex(own[i])})
-                centre = np.append(centre, np.log(abs(own[i])))
-        shown = [own for own in row if own]
-        centre = np.array([np.median(np.log(np.abs(list(own.values())))) for own in shown])
+        for k, of_run in enumerate(poles):
+            for i, t in _pairs(np.log(np.abs(of_run)), centre):
+                row[t][k] = complex(of_run[i])
+            for i in set(range(of_run.size)) - {i for i, _ in _pairs(np.log(np.abs(of_run)), centre)}:
+                row.append({k: complex(of_run[i])})
+                centre = np.append(centre, np.log(abs(of_run[i])))
+        shown = [of_run for of_run in row if of_run]
+        centre = np.array([np.median(np.log(np.abs(list(of_run.values())))) for of_run in shown])
     kept = sorted(
-        (own for own in shown if len(own) >= fewest),
-        key=lambda own: float(np.median(np.abs(list(own.values())))),
+        (of_run for of_run in shown if len(of_run) >= fewest),
+        key=lambda of_run: float(np.median(np.abs(list(of_run.values())))),
     )
     track = np.full((len(poles), len(kept)), complex(np.nan, np.nan))
     for r, members in enumerate(kept):
@@ -196,9 +196,9 @@ def linked(
     return track
 
 
-def _pairs(own: NDArray[np.float64], centre: NDArray[np.float64]) -> list[tuple[int, int]]:
+def _pairs(of_run: NDArray[np.float64], centre: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Assign logarithms of frequencies to those of tracks, none beyond reach."""
-    square = (own[:, None] - centre) ** 2
+    square = (of_run[:, None] - centre) ** 2
     cost = np.where(square < REACH**2, square, 10.0 * REACH**2)
     row, column = scipy.optimize.linear_sum_assignment(cost)
     return [(int(i), int(t)) for i, t in zip(row, column, strict=True) if square[i, t] < REACH**2]
@@ -215,11 +215,11 @@ def _filled(
     filled = track.copy()
     centre = _centre(track)
     for k, number in enumerate(numbers):
-        own = data.of_run(number)
+        of_run = data.of_run(number)
         missing = np.isnan(track[k])
         filled[k, missing] = centre[missing]
         for r in np.flatnonzero(missing):
-            filled[k, r] = _likeliest(own, filled[k], int(r), _spread(track[~np.isnan(track[:, r]), r]))
+            filled[k, r] = _likeliest(of_run, filled[k], int(r), _spread(track[~np.isnan(track[:, r]), r]))
     return filled
 
 
@@ -237,7 +237,7 @@ def _spread(
 
 
 def _likeliest(
-    own: Functions,
+    run: Functions,
     pole: NDArray[np.complex128],
     mode: int,
     tried: NDArray[np.complex128],
@@ -247,21 +247,21 @@ def _likeliest(
     around_lines: float = 16.0,
 ) -> complex:
     """Return which of some poles of a mode explains the functions of a run best on the lines around all of them."""
-    spacing = 2.0 * np.pi * float(own.frequency[1] - own.frequency[0])
+    spacing = 2.0 * np.pi * float(run.frequency[1] - run.frequency[0])
     reach = max(around * float(-tried.real.min()), around_lines * spacing)
-    omega = 2.0 * np.pi * own.frequency
+    omega = 2.0 * np.pi * run.frequency
     lines = (omega > tried.imag.min() - reach) & (omega < tried.imag.max() + reach)
     near = (pole.imag > tried.imag.min() - reach) & (pole.imag < tried.imag.max() + reach)
     near[mode] = True
-    target = own.value[:, lines]
+    target = run.value[:, lines]
     if not near.all():
-        others = own.linear_fit(pole).residue[:, ~near]
-        target = target - response(own, pole[~near], others)[:, lines]
+        others = run.linear_fit(pole).residue[:, ~near]
+        target = target - response(run, pole[~near], others)[:, lines]
     misfit = []
     for trial in tried:
         trials = pole.copy()
         trials[mode] = trial
-        misfit.append(linear_fit(own.frequency[lines], target, trials[near], own.quantity).objective)
+        misfit.append(linear_fit(run.frequency[lines], target, trials[near], run.quantity).objective)
     return complex(tried[int(np.argmin(misfit))])
 
 
@@ -274,11 +274,11 @@ def _mean(runs: RunPoles) -> NDArray[np.complex128]:
 def _moved(data: Functions, runs: RunPoles, pole: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Move the functions of each run from its own poles to common ones, modal constants kept."""
     value = data.value.copy()
-    for number, own in zip(runs.run, runs.pole, strict=True):
+    for number, of_run in zip(runs.run, runs.pole, strict=True):
         which = data.run == number
         residue = runs.residue[which]
-        there = response(data, own, residue)
-        here = response(data, pole, residue * (own.imag / pole.imag))
+        there = response(data, of_run, residue)
+        here = response(data, pole, residue * (of_run.imag / pole.imag))
         value[which] += here - there
     return value
 

@@ -139,8 +139,8 @@ class Around:
     def line(self, pole: NDArray[np.complex128], power: int = 1) -> NDArray[np.complex128]:
         """Return what modal constants ``2 i omega_d A`` of 1 at poles give, (n_pole, n_line), its smooth part out."""
         s = 2j * np.pi * self.frequency
-        own = s ** DERIVATIVE[self.quantity] / (2j * pole.imag[:, None] * (s - pole[:, None]) ** power)
-        return self.rough(own)
+        response = s ** DERIVATIVE[self.quantity] / (2j * pole.imag[:, None] * (s - pole[:, None]) ** power)
+        return self.rough(response)
 
     def rough(self, value: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return functions without their straight part over the lines."""
@@ -233,8 +233,8 @@ def _factors(
     while n < min(gain.size, most):
         freedom = 2 * (n_output - n) * (n_input - n)
         beyond = float(np.sum(gain[n:] ** 2)) > variance * scipy.special.chdtri(freedom, FALSE_ALARM)
-        own = gain[n] * np.outer(left[:, n], right[n])
-        if not beyond or gain[n] < least_part * gain[0] or not _real(own, variance):
+        part = gain[n] * np.outer(left[:, n], right[n])
+        if not beyond or gain[n] < least_part * gain[0] or not _real(part, variance):
             break
         strong, weak = (np.abs(around.output_noise * left[:, k] * gain[k]) for k in (0, n))
         if not _is_additive(strong, weak, np.sqrt(variance) * around.output_noise):
@@ -353,32 +353,32 @@ def _refined(
         return pole, participation @ _rotation(x[2 * n :], n)
 
     def basis(x: NDArray[np.float64]) -> NDArray[np.complex128]:
-        pole, own = unpacked(x)
-        return np.asarray((own.T[:, :, None] * around.line(pole)[:, None, :]).reshape(n, -1))
+        pole, turned = unpacked(x)
+        return np.asarray((turned.T[:, :, None] * around.line(pole)[:, None, :]).reshape(n, -1))
 
     def misfit(x: NDArray[np.float64]) -> NDArray[np.float64]:
         orthogonal = np.linalg.qr(basis(x).T)[0]
         rest = seen - (seen @ orthogonal.conj()) @ orthogonal.T
         return np.concatenate([rest.real.ravel(), rest.imag.ravel()])
 
-    found = least_squares(misfit, np.zeros(2 * n + n * (n - 1) // 2), method="lm")
-    pole, own = unpacked(found.x)
-    x = found.x
+    solution = least_squares(misfit, np.zeros(2 * n + n * (n - 1) // 2), method="lm")
+    pole, turned = unpacked(solution.x)
+    x = solution.x
     if np.any(pole.real >= 0.0) or np.any(np.abs(pole - start) > width):
-        pole, own, x = start, participation, np.zeros(found.x.size)
+        pole, turned, x = start, participation, np.zeros(solution.x.size)
     shape = np.linalg.lstsq(
         basis(x).T, around.rough(around.value).reshape(len(factors.left), -1).T, rcond=None
     )[0].T
-    rest = around.rough(around.value) - np.einsum("ok,ik,kf->oif", shape, own, around.line(pole))
+    rest = around.rough(around.value) - np.einsum("ok,ik,kf->oif", shape, turned, around.line(pole))
     grown = inflation(rest.reshape(-1, rest.shape[-1]))
-    information = found.jac.T @ found.jac / (0.5 * grown)
+    information = solution.jac.T @ solution.jac / (0.5 * grown)
     # What nothing tells has an infinite variance, a rotation of modes of exactly one pole first of all.
     value, vector = np.linalg.eigh(information)
     std = np.sqrt((vector**2) @ (1.0 / np.maximum(value, 1.0)))
     rank = np.argsort(np.abs(pole))
     line = np.linalg.norm(around.line(np.array([pole.mean()])))
     noise = np.outer(around.output_noise, around.input_noise)
-    residue = np.einsum("ok,ik->oik", shape, own)[..., rank] * noise[..., None] / (2j * pole.imag[rank])
+    residue = np.einsum("ok,ik->oik", shape, turned)[..., rank] * noise[..., None] / (2j * pole.imag[rank])
     return RankOneModes(
         pole=pole[rank],
         pole_std=width * np.maximum(std[:n], std[n : 2 * n])[rank],
@@ -415,15 +415,15 @@ def with_repeated_roots(model: ModalModel, frf: FRF) -> ModalModel:
     np.subtract(frf.value, rest, out=rest)
     noise = np.log(np.sqrt(np.mean(np.abs(rest) ** 2, axis=-1)) + np.finfo(float).tiny)
     noises = np.exp(noise.mean(axis=1)), np.exp(noise.mean(axis=0) - noise.mean())
-    for own in reversed(list(_clusters(model.pole))):
-        around, left = _around(model, own, frf, rest, noises)
-        size = np.linalg.norm(model.residue[..., own], axis=(0, 1)) / -model.pole[own].real
-        pole = complex(np.average(model.pole[own], weights=size))
+    for members in reversed(list(_clusters(model.pole))):
+        around, left = _around(model, members, frf, rest, noises)
+        size = np.linalg.norm(model.residue[..., members], axis=(0, 1)) / -model.pole[members].real
+        pole = complex(np.average(model.pole[members], weights=size))
         modes = rank_one_modes(around, pole, pairs, model.input.node.size)
-        if modes.pole.size > 1 and (own.size == 1 or _as_good(modes, left, around, own.size)):
-            model = _with_modes(model, own, modes)
-        elif own.size > 1 and _alike(model.residue[..., own]):
-            model = _with_modes(model, own, rank_one_modes(around, pole, pairs, 1))
+        if modes.pole.size > 1 and (members.size == 1 or _as_good(modes, left, around, members.size)):
+            model = _with_modes(model, members, modes)
+        elif members.size > 1 and _alike(model.residue[..., members]):
+            model = _with_modes(model, members, rank_one_modes(around, pole, pairs, 1))
     return model
 
 
@@ -451,7 +451,7 @@ def _clusters(
 
 def _around(
     model: ModalModel,
-    own: NDArray[np.int64],
+    members: NDArray[np.int64],
     frf: FRF,
     rest: NDArray[np.complex128],
     noises: tuple[NDArray[np.float64], NDArray[np.float64]],
@@ -462,11 +462,11 @@ def _around(
 ) -> tuple[Around, float]:
     """Return the functions around modes, less all other ones, and the power of what the model leaves of them."""
     spacing = 2.0 * np.pi * (frf.frequency[1] - frf.frequency[0])
-    reach = int(max(np.ceil(window * -model.pole[own].real.min() / spacing), fewest_lines))
-    middle = int(np.argmin(np.abs(2.0 * np.pi * frf.frequency - model.pole[own].imag.mean())))
+    reach = int(max(np.ceil(window * -model.pole[members].real.min() / spacing), fewest_lines))
+    middle = int(np.argmin(np.abs(2.0 * np.pi * frf.frequency - model.pole[members].imag.mean())))
     lines = slice(max(0, middle - reach), middle + reach + 1)
     s = 2j * np.pi * frf.frequency[lines]
-    pole, residue = model.pole[own], model.residue[..., own]
+    pole, residue = model.pole[members], model.residue[..., members]
     response = residue @ (s ** DERIVATIVE[frf.quantity] / (s - pole[:, None]))
     noise = np.outer(*noises)[..., None]
     around = Around(
@@ -489,13 +489,13 @@ def _as_good(modes: RankOneModes, left: float, around: Around, n_before: int) ->
     return 2.0 * (modes.left - left) / grown < scipy.special.chdtri(max(saved, 1), FALSE_ALARM)
 
 
-def _with_modes(model: ModalModel, own: NDArray[np.int64], modes: RankOneModes) -> ModalModel:
+def _with_modes(model: ModalModel, members: NDArray[np.int64], modes: RankOneModes) -> ModalModel:
     """Replace modes of a model by others."""
-    n, first = modes.pole.size, int(own[0])
+    n, first = modes.pole.size, int(members[0])
     new = np.arange(first, first + n)
     # Of each mode after: which one before it comes from.
-    nearest = own[np.minimum(np.arange(n) * own.size // n, own.size - 1)]
-    index = np.concatenate([np.arange(first), nearest, np.arange(own[-1] + 1, model.pole.size)])
+    nearest = members[np.minimum(np.arange(n) * members.size // n, members.size - 1)]
+    index = np.concatenate([np.arange(first), nearest, np.arange(members[-1] + 1, model.pole.size)])
     pole = model.pole[index]
     pole[new] = modes.pole
     free = model.free_pole[index] + (pole - model.pole[index])

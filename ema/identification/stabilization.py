@@ -157,13 +157,13 @@ def lscf_poles(
     _check(frequency, value, order, step)
     circle = _Circle.of(frequency, half=half)
     theta = circle.angle(frequency)
-    found = []
+    poles = []
     root = np.empty(0, dtype=complex)
     for coefficient in _denominators(theta, circle.weight(theta), value, step * order, step, real=half):
         root = _roots(coefficient, root)
         pole = circle.pole(root)
-        found.append(pole[pole.imag > 0.0])
-    return found
+        poles.append(pole[pole.imag > 0.0])
+    return poles
 
 
 def _check(frequency: NDArray[np.float64], value: NDArray[np.complex128], order: int, step: int) -> None:
@@ -231,10 +231,10 @@ def _denominators(
     cross_power, lags = np.zeros((m, m, n_frequency), complex), []
     few = max(1, at_once // (m * n_frequency))
     for first in range(0, n_output, few):
-        own = value[first : first + few]
-        weighted = own * weight
+        some = value[first : first + few]
+        weighted = some * weight
         lags.append(_lags(kernel, weighted.reshape(-1, n_frequency), real=real))
-        cross_power += np.einsum("oaf,obf->abf", weighted.conj(), own, optimize=True)
+        cross_power += np.einsum("oaf,obf->abf", weighted.conj(), some, optimize=True)
     data, power = np.concatenate(lags, axis=1), cross_power.reshape(m * m, n_frequency)
     regression = _lags(kernel, weight[None].astype(complex), real=real)[size - 1 :, 0]
     response = _lags(kernel, power, real=real).reshape(-1, m, m)
@@ -391,7 +391,9 @@ def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram
     parts = [_of_part(frf.frequency, value, part, order) for part in part_bands(value)]
     first = np.cumsum([0, *(chosen.size for *_, chosen in parts)])
     orders, poles, clusters, chosen = zip(*parts, strict=True)
-    numbers = [np.where(own >= 0, own + n, own) for own, n in zip(clusters, first, strict=False)]
+    numbers = [
+        np.where(cluster >= 0, cluster + n, cluster) for cluster, n in zip(clusters, first, strict=False)
+    ]
     return StabilizationDiagram(
         order=np.concatenate(orders),
         pole=np.concatenate(poles),
@@ -417,11 +419,11 @@ def _of_part(
     lower, upper = frequency[part.core.start], frequency[min(part.core.stop, frequency.size - 1)]
     orders: list[NDArray[np.int64]] = []
     poles: list[NDArray[np.complex128]] = []
-    for k, found in enumerate(lscf_poles(lines, _scaled(value[..., part.lines]), order), start=1):
-        hertz = np.abs(found) / (2.0 * np.pi)
+    for k, of_order in enumerate(lscf_poles(lines, _scaled(value[..., part.lines]), order), start=1):
+        hertz = np.abs(of_order) / (2.0 * np.pi)
         inside = (hertz >= lower) & (hertz <= upper)
-        damped = (found.real < 0.0) & (-found.real <= MAX_DAMPING * np.abs(found))
-        kept = np.sort_complex(1j * found[inside & damped]) / 1j
+        damped = (of_order.real < 0.0) & (-of_order.real <= MAX_DAMPING * np.abs(of_order))
+        kept = np.sort_complex(1j * of_order[inside & damped]) / 1j
         poles.append(kept)
         orders.append(np.full(kept.size, k))
     chain = _chain(poles)

@@ -225,14 +225,14 @@ class _Held(dict[str, ArrayInFile]):
     """Arrays by their names, and parts of them by their places, such as ``FRF[:, 1::2]``."""
 
     def __missing__(self, name: str) -> ArrayInFile:
-        found = _PART.fullmatch(name)
-        if found is None or found[1] not in self:
+        match = _PART.fullmatch(name)
+        if match is None or match[1] not in self:
             raise KeyError(name)
-        whole = self[found[1]]
+        whole = self[match[1]]
         try:
             index = tuple(
                 slice(*(int(n) if n.strip() else None for n in one.split(":"))) if ":" in one else int(one)
-                for one in found[2].split(",")
+                for one in match[2].split(",")
             )
             shape = np.broadcast_to(0, whole.shape)[index].shape
         except (ValueError, IndexError) as error:
@@ -285,9 +285,10 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         elif is_numpy:
             yield _Held(_in_numpy(path, single=begin == NPY))
         elif is_tdms:
-            with channels_in(path) as found:
+            with channels_in(path) as channels:
                 yield _Held(
-                    (name, ArrayInFile(shape=own[0], read=own[1], unit=own[2])) for name, own in found.items()
+                    (name, ArrayInFile(shape=channel[0], read=channel[1], unit=channel[2]))
+                    for name, channel in channels.items()
                 )
         else:
             with warnings.catch_warnings():
@@ -335,23 +336,23 @@ def array(
         There is none of that name, which lists those that are, or it is too large.
     """
     try:
-        found = arrays[name]
+        held = arrays[name]
     except KeyError:
         there = [f"{other} ({arrays[other]})" for other in list(arrays)[:listed]]
         more = f" and {len(arrays) - listed} more" if len(arrays) > listed else ""
         message = f"{path}: variable {name!r} ({key}): no numbers of that name; the file holds "
         raise MeasurementError(message + (", ".join(there) or "no numbers") + more) from None
-    if not 0 < prod(found.shape) <= LARGEST:
-        message = f"{path}: variable {name!r} ({key}): holds {found}, expected 1 to {LARGEST} values"
+    if not 0 < prod(held.shape) <= LARGEST:
+        message = f"{path}: variable {name!r} ({key}): holds {held}, expected 1 to {LARGEST} values"
         raise MeasurementError(message)
-    value = found.read()
+    value = held.read()
     return np.asarray(value, complex if np.iscomplexobj(value) else float)
 
 
 def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
     import h5py
 
-    found: dict[str, ArrayInFile] = {}
+    arrays: dict[str, ArrayInFile] = {}
 
     def add(name: str, item: Any) -> None:
         if isinstance(item, h5py.Group):  # an element of a cell that is a structure
@@ -362,7 +363,7 @@ def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
                 for k, reference in enumerate(item[()].ravel(), start=1):
                     add(_element(name, k, is_cell=item.attrs.get("MATLAB_class") == b"cell"), file[reference])
             elif item.dtype.names == _COMPLEX_FIELDS or item.dtype.kind in "fiubc":
-                found[name] = _dataset(item, matlab=matlab)
+                arrays[name] = _dataset(item, matlab=matlab)
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and not name.startswith("#"):
@@ -372,8 +373,8 @@ def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
 
     file.visititems(visit)
     if not matlab:
-        found |= {name: value for item in (file, *_items(file)) for name, value in _attributes(item)}
-    return found
+        arrays |= {name: value for item in (file, *_items(file)) for name, value in _attributes(item)}
+    return arrays
 
 
 def _items(file: Any) -> list[Any]:
@@ -422,15 +423,15 @@ def _in_numpy(path: Path, *, single: bool) -> dict[str, ArrayInFile]:
         shape, dtype = numpy_header(path.open("rb"))
         read = partial(np.load, path, allow_pickle=False)
         return {"array": ArrayInFile(shape=shape, read=read)} if dtype.kind in "fiubc" else {}
-    found: dict[str, ArrayInFile] = {}
+    arrays: dict[str, ArrayInFile] = {}
     with zipfile.ZipFile(path) as archive:
         for member in archive.namelist():
             if member.endswith(".npy"):
                 shape, dtype = numpy_header(archive.open(member))
                 name = member.removesuffix(".npy")
                 if dtype.kind in "fiubc":
-                    found[name] = ArrayInFile(shape=shape, read=partial(_in_archive, path, name))
-    return found
+                    arrays[name] = ArrayInFile(shape=shape, read=partial(_in_archive, path, name))
+    return arrays
 
 
 def numpy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
@@ -455,15 +456,15 @@ def _in_mat(path: Path) -> dict[str, ArrayInFile]:
 
     if io.matlab.matfile_version(str(path), appendmat=False)[0] == 1:  # of version 4 the reader is safe
         check_elements(path)
-    found: dict[str, ArrayInFile] = {}
+    arrays: dict[str, ArrayInFile] = {}
     for name, shape, kind in io.whosmat(str(path), appendmat=False):
         if kind in ("struct", "cell"):
             content = io.loadmat(str(path), appendmat=False, variable_names=[name])
             for field, value in _fields(name, content.get(name)):
-                found[field] = ArrayInFile(shape=value.shape, read=partial(np.asarray, value))
+                arrays[field] = ArrayInFile(shape=value.shape, read=partial(np.asarray, value))
         elif kind in ("double", "single", "logical") or kind.startswith(("int", "uint")):
-            found[name] = ArrayInFile(shape=tuple(shape), read=partial(_variable, path, name))
-    return found
+            arrays[name] = ArrayInFile(shape=tuple(shape), read=partial(_variable, path, name))
+    return arrays
 
 
 def _variable(path: Path, name: str) -> NDArray[Any]:

@@ -82,10 +82,10 @@ def _alike(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -
     """Return the variables that a name with ``*`` stands for, in natural order; without one the name itself."""
     if "*" not in name:
         return [name]
-    found = sorted((n for n in arrays if pattern_of(name).fullmatch(n)), key=_natural)
-    if not found:
+    names = sorted((n for n in arrays if pattern_of(name).fullmatch(n)), key=_natural)
+    if not names:
         array(path, arrays, key, name)  # says which there are
-    return found
+    return names
 
 
 def pattern_of(name: str) -> re.Pattern[str]:
@@ -95,9 +95,9 @@ def pattern_of(name: str) -> re.Pattern[str]:
 
 def _starred(name: str, variable: str) -> tuple[str, ...]:
     """Return what stands in a variable where a name has ``*``."""
-    found = pattern_of(name).fullmatch(variable)
-    assert found is not None
-    return found.groups()
+    match = pattern_of(name).fullmatch(variable)
+    assert match is not None
+    return match.groups()
 
 
 def _natural(name: str) -> list[int | str]:
@@ -109,20 +109,20 @@ def _stacked(
 ) -> NDArray[np.float64]:
     """Return an array of the axes run, hit, channel, time, or many along the first axes, as long as the shortest."""
     count = name.count("*")
-    found = [
+    stacked = [
         (n, _block(path, arrays, layout, n, layout.axes[count:], matlab=matlab))
         for n in _alike(path, arrays, "history", name)
     ]
-    n_sample = min(block.shape[3] for _, block in found)
+    n_sample = min(block.shape[3] for _, block in stacked)
 
     def along(level: int, part: list[tuple[str, NDArray[np.float64]]]) -> NDArray[np.float64]:
         if level == count:
             return part[0][1][..., :n_sample]
-        own: dict[str, list[tuple[str, NDArray[np.float64]]]] = {}
+        of_name: dict[str, list[tuple[str, NDArray[np.float64]]]] = {}
         for n, block in part:
-            own.setdefault(_starred(name, n)[level], []).append((n, block))
-        blocks = [along(level + 1, group) for group in own.values()]
-        for block, group in zip(blocks, own.values(), strict=True):
+            of_name.setdefault(_starred(name, n)[level], []).append((n, block))
+        blocks = [along(level + 1, group) for group in of_name.values()]
+        for block, group in zip(blocks, of_name.values(), strict=True):
             if block.shape != blocks[0].shape:
                 message = (
                     f"{path}: variable {group[0][0]!r} (history): {_counts(block)} do not fit the {_counts(blocks[0])} "
@@ -131,7 +131,7 @@ def _stacked(
                 raise MeasurementError(message)
         return np.concatenate(blocks, axis=_ORDER.index(layout.axes[level]))
 
-    return along(0, found)
+    return along(0, stacked)
 
 
 def _block(

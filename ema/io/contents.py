@@ -84,11 +84,11 @@ class Contents:
 
 def dofs_in(text: str) -> list[Code]:
     """Return the DOFs that a header or a file name holds, such as ``12+z``, ``12:+Z``, ``12Z-`` or ``P12_Z``."""
-    found = []
+    dofs = []
     for node, before, axis, after in _DOF.findall(_plain(text)):
         sign = -1 if "-" in (before, after) else 1
-        found.append((int(node), sign * ("xyz".index(axis.lower()) + 1)))
-    return [(node, code) for node, code in found if node > 0]
+        dofs.append((int(node), sign * ("xyz".index(axis.lower()) + 1)))
+    return [(node, code) for node, code in dofs if node > 0]
 
 
 def lacks_sign(text: str) -> bool:
@@ -132,8 +132,8 @@ def _ratios(text: str) -> Iterator[tuple[str, Unit]]:
 
 def point_in(text: str) -> int | None:
     """Return the one point that a file name holds without a direction, such as ``point_3``; None otherwise."""
-    found = [int(node) for node in _POINT_ALONE.findall(text.replace("_", " "))]
-    return found[0] if len(found) == 1 and found[0] > 0 else None
+    points = [int(node) for node in _POINT_ALONE.findall(text.replace("_", " "))]
+    return points[0] if len(points) == 1 and points[0] > 0 else None
 
 
 def with_names(

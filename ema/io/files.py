@@ -95,8 +95,8 @@ def read_form(path: Path, form: type[Form], error: type[Exception]) -> Form:
         faults: list[dict[str, Any]] = [dict(fault) for fault in cause.errors()]
         places = [fault["loc"] for fault in faults]
         # pydantic also reports a list as too short when its entries have faults; the entries say it all
-        own = [f for f in faults if all(p == f["loc"] or p[: len(f["loc"])] != f["loc"] for p in places)]
-        raise error("\n".join(f"{path}: {_explained(fault, form)}" for fault in own)) from cause
+        deepest = [f for f in faults if all(p == f["loc"] or p[: len(f["loc"])] != f["loc"] for p in places)]
+        raise error("\n".join(f"{path}: {_explained(fault, form)}" for fault in deepest)) from cause
 
 
 def read_toml(path: Path) -> dict[str, Any]:

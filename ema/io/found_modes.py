@@ -95,7 +95,7 @@ class FoundModes:
         return [(int(n), *map(int, d)) for n, d in zip(self.node, rounded, strict=True)]
 
 
-def without_unmeasured(found: FoundModes) -> FoundModes:
+def without_unmeasured(modes: FoundModes) -> FoundModes:
     """Leave out components that are zero in every mode: formats with three directions a point fill up with them.
 
     Raises
@@ -103,16 +103,16 @@ def without_unmeasured(found: FoundModes) -> FoundModes:
     MeasurementError
         A shape is zero throughout.
     """
-    measured = np.any(found.shape != 0.0, axis=1)
-    zero = ~np.any(found.shape != 0.0, axis=0)
+    measured = np.any(modes.shape != 0.0, axis=1)
+    zero = ~np.any(modes.shape != 0.0, axis=0)
     if zero.any():
         message = (
-            f"{found.source}: the shape of mode {int(np.flatnonzero(zero)[0]) + 1} is zero at every point; leave this "
+            f"{modes.source}: the shape of mode {int(np.flatnonzero(zero)[0]) + 1} is zero at every point; leave this "
             "mode out, or export it again"
         )
         raise MeasurementError(message)
     return replace(
-        found, shape=found.shape[measured], node=found.node[measured], direction=found.direction[measured]
+        modes, shape=modes.shape[measured], node=modes.node[measured], direction=modes.direction[measured]
     )
 
 
@@ -126,14 +126,14 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
     """
     first = parts[0]
     places = [{dof: row for row, dof in enumerate(part.dofs)} for part in parts]
-    for part, own in zip(parts, places, strict=True):
-        if len(own) < part.node.size:
-            dof = next(dof for row, dof in enumerate(part.dofs) if own[dof] != row)
+    for part, rows_of in zip(parts, places, strict=True):
+        if len(rows_of) < part.node.size:
+            dof = next(dof for row, dof in enumerate(part.dofs) if rows_of[dof] != row)
             message = (
                 f"{part.source}: point {dof[0]} stands twice in the same direction; a shape has each DOF once"
             )
             raise MeasurementError(message)
-    common = [dof for dof in places[0] if all(dof in own for own in places)]
+    common = [dof for dof in places[0] if all(dof in rows_of for rows_of in places)]
     if not common:
         message = f"{first.source}: its modes have no point and direction in common; give those of one test"
         raise MeasurementError(message)
@@ -143,7 +143,7 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
         notes.append(
             f"{first.source}: {left} components are not in the shapes of all modes; they are left out of all"
         )
-    rows = [[own[dof] for dof in common] for own in places]
+    rows = [[rows_of[dof] for dof in common] for rows_of in places]
 
     def beside(name: str) -> NDArray[np.float64]:
         return np.concatenate([getattr(part, name) for part in parts])
@@ -183,17 +183,17 @@ class _Table:
                 f"{self.path}: no column {name!r}; the file has {', '.join(self.columns) or 'no header'}"
             )
             raise MeasurementError(message)
-        found = np.empty(len(self.columns[name]))
+        numbers = np.empty(len(self.columns[name]))
         for i, cell in enumerate(self.columns[name]):
             try:
-                found[i] = np.nan if blank and not cell else float(cell.replace(self.decimal, "."))
+                numbers[i] = np.nan if blank and not cell else float(cell.replace(self.decimal, "."))
             except ValueError as error:
                 message = f"{self.path}: row {i + 2}: {name} is {cell!r}, expected a number"
                 raise MeasurementError(message) from error
-            if not (np.isfinite(found[i]) or (blank and not cell)):
+            if not (np.isfinite(numbers[i]) or (blank and not cell)):
                 message = f"{self.path}: row {i + 2}: {name} is {cell!r}, expected a finite number"
                 raise MeasurementError(message)
-        return found
+        return numbers
 
     def optional(self, name: str, n: int) -> NDArray[np.float64]:
         """Return a column of numbers; NaN where it, or a cell of it, is not there."""
@@ -252,7 +252,7 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
     n = frequency.size
     node, direction, shape = _beside(table) if not of_shapes else _apart(_read(of_shapes[0]), n)
     scaled = [cell.casefold() in _YES for cell in table.columns.get("mass_normalised", [""] * n)]
-    found = FoundModes(
+    modes = FoundModes(
         source=str(of_modes[0]),
         frequency=frequency,
         damping=damping,
@@ -268,7 +268,7 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
     if zero.size:
         message = f"{(of_shapes or of_modes)[0]}: the shape of mode {zero[0] + 1} is zero at every point"
         raise MeasurementError(message)
-    return joined([found])  # which looks for DOFs that stand twice
+    return joined([modes])  # which looks for DOFs that stand twice
 
 
 def _poles(table: _Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -298,12 +298,14 @@ def _poles(table: _Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _deviation(table: _Table, name: str, n: int) -> NDArray[np.float64]:
     """Return standard deviations, NaN where they are not stated."""
-    found = table.optional(name, n)
-    wrong = np.flatnonzero(found < 0.0)
+    std = table.optional(name, n)
+    wrong = np.flatnonzero(std < 0.0)
     if wrong.size:
-        message = f"{table.path}: row {wrong[0] + 2}: {name} is {found[wrong[0]]:g}, expected a number of at least 0"
+        message = (
+            f"{table.path}: row {wrong[0] + 2}: {name} is {std[wrong[0]]:g}, expected a number of at least 0"
+        )
         raise MeasurementError(message)
-    return np.where(found > 0.0, found, np.nan)
+    return np.where(std > 0.0, std, np.nan)
 
 
 def _beside(table: _Table) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.complex128]]:
@@ -320,7 +322,7 @@ def _beside(table: _Table) -> tuple[NDArray[np.int64], NDArray[np.float64], NDAr
         )
         raise MeasurementError(message)
     zero = np.zeros(len(table.columns["frequency_hz"]))
-    shape = [own.get("real", zero) + 1j * own.get("imag", zero) for own in parts.values()]
+    shape = [columns.get("real", zero) + 1j * columns.get("imag", zero) for columns in parts.values()]
     direction = [(-1.0 if sign == "-" else 1.0) * np.eye(3)["xyz".index(axis)] for _, sign, axis in parts]
     return np.array([node for node, _, _ in parts], dtype=np.int64), np.array(direction), np.array(shape)
 

@@ -57,14 +57,16 @@ def parts_of_frfs(
         alike = [p for p in pairs if _numberless(p) == _numberless(first) and arrays[p[0]].shape == shape]
         is_vector = max(shape) == arrays[first[0]].size
         used = sorted(alike, key=_natural) if is_vector else [first]
-        found: dict[str, Any] = {key: [pair[k] for pair in used] for k, key in enumerate(keys)}
+        keys_of_parts: dict[str, Any] = {key: [pair[k] for pair in used] for k, key in enumerate(keys)}
         said = ", ".join(f"{a!r} and {b!r}" for a, b in used)
         guesses = [f"variables {said} are taken as {keys[0]} and {keys[1]} of the FRFs"]
         if keys[0] == "magnitude":
             titles = [" ".join(f"{p[k]} {units.get(p[k], '')}" for p in used) for k in (0, 1)]
             size, phase = (np.concatenate([arrays[p[k]].ravel() for p in used]) for k in (0, 1))
-            found |= polar_units((titles[0], titles[1]), size.astype(float), phase.astype(float), guesses)
-        return found, arrays[first[0]], guesses
+            keys_of_parts |= polar_units(
+                (titles[0], titles[1]), size.astype(float), phase.astype(float), guesses
+            )
+        return keys_of_parts, arrays[first[0]], guesses
     return None
 
 
@@ -80,7 +82,7 @@ def table_of_frfs(
     magnitudes and phases, follow it. None where no array is like this.
     """
     tables = {n: v for n, v in arrays.items() if _is_function(n, v) and v.ndim == 2 and min(v.shape) % 2}
-    for name, value in sorted(tables.items(), key=lambda own: -own[1].size):
+    for name, value in sorted(tables.items(), key=lambda column: -column[1].size):
         along = int(np.argmax(value.shape))
         columns = value if along == 0 else value.T
         axis = columns[:, 0].astype(float)
@@ -91,7 +93,9 @@ def table_of_frfs(
         first, second = columns[:, 1::2].astype(float), columns[:, 2::2].astype(float)
         is_polar = bool(np.all(first >= 0.0)) and 1.0 < float(np.max(np.abs(second))) <= full_turn
         kinds, guesses = (WAYS[2] if is_polar else WAYS[1]), list[str]()
-        places = [f"{name}[:, {own}]" if along == 0 else f"{name}[{own}]" for own in ("0", "1::2", "2::2")]
+        places = [
+            f"{name}[:, {column}]" if along == 0 else f"{name}[{column}]" for column in ("0", "1::2", "2::2")
+        ]
         keys: dict[str, Any] = {kinds[0]: [places[1]], kinds[1]: [places[2]], "frequency": places[0]}
         guesses.append(
             f"the {'columns' if along == 0 else 'rows'} of variable {name!r} are taken as frequency, {kinds[0]} and "
@@ -129,8 +133,8 @@ def _pairs(arrays: _Arrays, keys: tuple[str, ...]) -> list[tuple[str, str]]:
             for key in keys:
                 for rest in _without(name, key):
                     of_rest[rest, value.shape][key].append(name)
-    found = [own for own in of_rest.values() if all(len(own[key]) == 1 for key in keys)]
-    pairs = [(own[keys[0]][0], own[keys[1]][0]) for own in found]
+    complete = [arrays_of for arrays_of in of_rest.values() if all(len(arrays_of[key]) == 1 for key in keys)]
+    pairs = [(arrays_of[keys[0]][0], arrays_of[keys[1]][0]) for arrays_of in complete]
     return list(dict.fromkeys(pair for pair in pairs if pair[0] != pair[1]))
 
 

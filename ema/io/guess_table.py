@@ -155,11 +155,11 @@ def _guess(path: Path, text: _Text) -> Contents | None:
     n_told = len(guesses)
     if _spectrum_in(text, columns):
         return None
-    found = _functions(text, columns, guesses)
+    guessed = _functions(text, columns, guesses)
     by_numbers = len(guesses) > n_told
-    if found is None or (guesses and not has_axis):  # any table of numbers
+    if guessed is None or (guesses and not has_axis):  # any table of numbers
         return None
-    layout, groups, coherence = found
+    layout, groups, coherence = guessed
     factor = _axis_factor(text, axis, r"\bkhz\b|rad/s")
     if factor != 1.0 and axis is not None:
         keys |= _axis_keys(text.value[:, axis].real, factor)
@@ -217,8 +217,8 @@ def _spectrum_in(text: _Text, columns: list[int]) -> str:
     titles = [text.title(c) for c in columns]
     if re.search(_OF_FRFS, "\n".join((text.words, *titles)), re.IGNORECASE):
         return ""
-    found = re.search(_OF_SPECTRA, "\n".join((text.words, *titles)), re.IGNORECASE)
-    return "" if found is None else found[0].strip()
+    match = re.search(_OF_SPECTRA, "\n".join((text.words, *titles)), re.IGNORECASE)
+    return "" if match is None else match[0].strip()
 
 
 def _cut(
@@ -312,8 +312,8 @@ def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesse
 
 def _axis_factor(text: _Text, axis: int | None, units: str) -> float:
     """Return what makes s or Hz of a column of times or frequencies, by the unit in its title."""
-    found = re.search(units, "" if axis is None else text.title(axis).lower())
-    return 1.0 if found is None else _FACTORS[found[0]]
+    match = re.search(units, "" if axis is None else text.title(axis).lower())
+    return 1.0 if match is None else _FACTORS[match[0]]
 
 
 def _axis_keys(axis: NDArray[np.float64], factor: float) -> dict[str, float]:
@@ -364,7 +364,7 @@ def _rate(header: str) -> float | None:
 def _axis(text: _Text) -> int | None:
     """Return the column of frequencies or times: the first that ascends and does not count the rows, or None."""
     value = text.value
-    ascends = [bool(np.all(np.diff(own.real) > 0)) and not own.imag.any() for own in value[:, :2].T]
+    ascends = [bool(np.all(np.diff(column.real) > 0)) and not column.imag.any() for column in value[:, :2].T]
     rounded = bool(np.all(np.diff(value[:, 0].real) >= 0)) and not value[:, 0].imag.any()
     if rounded and not ascends[0] and rate_of_rounded(value[:, 0].real) is not None:
         return 0  # times of few digits, of which some repeat

@@ -84,18 +84,18 @@ def guess_histories(arrays: _Records, beside: Mapping[str, int]) -> HistoriesFou
     if not names:
         return None
     n_sample = max(arrays[names[0]].shape)
-    own = {name: arrays[name].astype(float) for name in names}
-    axes = _axes_beside(own, beside) if beside else _axes_of_records(own, n_sample, guesses)
+    records = {name: arrays[name].astype(float) for name in names}
+    axes = _axes_beside(records, beside) if beside else _axes_of_records(records, n_sample, guesses)
     if axes is None:
         return None
-    inside = not keys and _first_is_time(own[names[0]], axes)
+    inside = not keys and _first_is_time(records[names[0]], axes)
     if inside:
         keys = {"time": FIRST_CHANNEL}
         guesses.append("the first channel is taken as the time in s")
-    elif not keys and not beside and not any(_has_pulse(value, n_sample) for value in own.values()):
+    elif not keys and not beside and not any(_has_pulse(value, n_sample) for value in records.values()):
         return None
-    titles = _titles(own, axes, inside=inside)
-    lengths = dict(zip(axes, (n for n in _largest(own).shape if n > 1), strict=True))
+    titles = _titles(records, axes, inside=inside)
+    lengths = dict(zip(axes, (n for n in _largest(records).shape if n > 1), strict=True))
     axes = _starred(names[0], axes, guesses) + axes
     said = f"variables {', '.join(map(repr, names))} are" if len(names) > 1 else f"variable {names[0]!r} is"
     guesses.insert(0, f"{said} taken as time histories")
@@ -104,7 +104,7 @@ def guess_histories(arrays: _Records, beside: Mapping[str, int]) -> HistoriesFou
         | (keys or {"sampling_Hz": UNKNOWN}),
         lengths=lengths,
         titles=titles,
-        n_run=_runs(names[0], axes, every, own),
+        n_run=_runs(names[0], axes, every, records),
         guesses=tuple(guesses),
     )
 
@@ -114,21 +114,21 @@ def _as_one(arrays: _Records) -> _Records:
     alike: dict[str, list[str]] = {}
     for name in arrays:
         alike.setdefault(_NUMBERED.sub(_star, name), []).append(name)
-    several = {_common(found): found for found in alike.values() if len(found) > 1}
-    several = {name: found for name, found in several.items() if name.count("*") < 3}
-    of_several = {found[0]: name for name, found in several.items()}
-    left_out = {other for found in several.values() for other in found[1:]}
+    several = {_common(names): names for names in alike.values() if len(names) > 1}
+    several = {name: names for name, names in several.items() if name.count("*") < 3}
+    of_several = {names[0]: name for name, names in several.items()}
+    left_out = {other for names in several.values() for other in names[1:]}
     return {of_several.get(name, name): value for name, value in arrays.items() if name not in left_out}
 
 
-def _star(found: re.Match[str]) -> str:
-    return re.sub(r"\d+", "*", found[0])
+def _star(match: re.Match[str]) -> str:
+    return re.sub(r"\d+", "*", match[0])
 
 
 def _common(names: list[str]) -> str:
     """Return names that differ in their numbers as one, with * for each number that differs."""
     parts = zip(*(_NUMBERED.split(name) for name in names), strict=True)
-    return "".join(own[0] if len(set(own)) == 1 else re.sub(r"\d+", "*", own[0]) for own in parts)
+    return "".join(words[0] if len(set(words)) == 1 else re.sub(r"\d+", "*", words[0]) for words in parts)
 
 
 def _starred(name: str, axes: list[str], guesses: list[str]) -> list[str]:
@@ -144,14 +144,14 @@ def _starred(name: str, axes: list[str], guesses: list[str]) -> list[str]:
     return kinds
 
 
-def _runs(name: str, axes: list[str], every: tuple[str, ...], own: _Records) -> int:
+def _runs(name: str, axes: list[str], every: tuple[str, ...], records: _Records) -> int:
     """Return how many runs there are: numbers of a name's * that stands for them, or the length of their axis."""
     if "run" not in axes:
         return 1
     place, count = axes.index("run"), name.count("*")
     if place < count:
-        return len({found[place + 1] for other in every if (found := pattern_of(name).fullmatch(other))})
-    shape = [n for n in max(own.values(), key=lambda v: v.ndim).shape if n > 1]
+        return len({match[place + 1] for other in every if (match := pattern_of(name).fullmatch(other))})
+    shape = [n for n in max(records.values(), key=lambda v: v.ndim).shape if n > 1]
     return shape[place - count]
 
 
@@ -187,9 +187,9 @@ def _records(arrays: _Records, of_time: str | None, n_sample: int | None) -> lis
     }  # fmt: skip
     if n_sample is None:
         n_sample = max((max(value.shape) for value in real.values()), default=0)
-    found = [name for name, value in real.items() if n_sample in value.shape]
-    forces = [name for name in found if FORCE.search(_last(name))]
-    return forces + [name for name in found if name not in forces]
+    records = [name for name, value in real.items() if n_sample in value.shape]
+    forces = [name for name in records if FORCE.search(_last(name))]
+    return forces + [name for name in records if name not in forces]
 
 
 def _ascends(value: NDArray[Any]) -> bool:
@@ -209,23 +209,23 @@ def _has_pulse(
     return n_sample >= fewest_of_a_pulse and bool(np.any(share < PULSE))
 
 
-def _axes_of_records(own: _Records, n_sample: int, guesses: list[str]) -> list[str]:
+def _axes_of_records(records: _Records, n_sample: int, guesses: list[str]) -> list[str]:
     """Return what the axes are of the array that has most of them."""
-    largest = _largest(own)
+    largest = _largest(records)
     lengths = [n for n in largest.shape if n > 1]
     names = [UNKNOWN] * len(lengths)
     at = lengths.index(n_sample)
     names[at] = "time"
     rest = [k for k in range(len(lengths)) if k != at]
-    smaller = [sorted(n for n in v.shape if n > 1) for v in own.values() if v.ndim]
+    smaller = [sorted(n for n in v.shape if n > 1) for v in records.values() if v.ndim]
     channel: int | None = None
     if (
-        len(own) == 1
+        len(records) == 1
         and len(rest) == 1
         and np.all(pulse_share(np.moveaxis(largest.reshape(lengths), at, -1)) < PULSE)
     ):
         channel = None  # blows of a force that has a file of its own
-    elif len(own) == 1 or any(len(shape) < len(lengths) for shape in smaller):
+    elif len(records) == 1 or any(len(shape) < len(lengths) for shape in smaller):
         channel = _channel_axis(largest.reshape(lengths), at, rest, smaller)
     if channel is not None:
         names[channel] = "channel"
@@ -239,14 +239,14 @@ def _axes_of_records(own: _Records, n_sample: int, guesses: list[str]) -> list[s
     return names
 
 
-def _largest(own: _Records) -> NDArray[Any]:
+def _largest(records: _Records) -> NDArray[Any]:
     """Return the array with most axes."""
-    return max(own.values(), key=lambda v: sum(n > 1 for n in v.shape))
+    return max(records.values(), key=lambda v: sum(n > 1 for n in v.shape))
 
 
-def _axes_beside(own: _Records, beside: Mapping[str, int]) -> list[str] | None:
+def _axes_beside(records: _Records, beside: Mapping[str, int]) -> list[str] | None:
     """Return what the axes are by those of a force: what is left is that of the channels; None where they differ."""
-    lengths = [n for n in _largest(own).shape if n > 1]
+    lengths = [n for n in _largest(records).shape if n > 1]
     axes = ["channel"] * len(lengths)
     for name, length in beside.items():
         free = [k for k, n in enumerate(lengths) if n == length and axes[k] == "channel"]
@@ -291,10 +291,10 @@ def _first_is_time(
     return bool(np.all(step >= 0) and 0 < np.median(step) <= longest_sample)
 
 
-def _titles(own: _Records, axes: list[str], *, inside: bool) -> tuple[str, ...]:
+def _titles(records: _Records, axes: list[str], *, inside: bool) -> tuple[str, ...]:
     """Return a name for each channel: that of its variable, where this holds one, else none."""
     names: list[str] = []
-    for name, value in own.items():
+    for name, value in records.items():
         shape = [n for n in value.shape if n > 1]
         n = shape[axes.index("channel")] if len(shape) == len(axes) and "channel" in axes else 1
         names += [_last(name) if n == 1 else ""] * (n - inside)
@@ -345,8 +345,8 @@ def guess_variables(
         The file cannot be read.
     """
     with arrays_in(path, matlab=matlab) as held:
-        arrays = {name: found.read() for name, found in held.items() if 0 < prod(found.shape) <= LARGEST}
-        units = {name: found.unit for name, found in held.items() if found.unit}
+        arrays = {name: array.read() for name, array in held.items() if 0 < prod(array.shape) <= LARGEST}
+        units = {name: array.unit for name, array in held.items() if array.unit}
     if not arrays:
         message = f"{path}: holds no arrays of numbers; text and objects are not read"
         raise MeasurementError(message)
@@ -362,11 +362,11 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
         arrays |= parts
         block = parts[next(name for name in parts if name in keys.get("real", keys.get("magnitude", ())))]
     if block is None:
-        found = guess_histories(arrays, beside)
-        if found is not None:
+        histories = guess_histories(arrays, beside)
+        if histories is not None:
             return Contents(
-                file=path, section="variables", keys=found.keys, is_time=True, titles=_with_units(found, units),
-                n_run=found.n_run, lengths=found.lengths, guesses=found.guesses,
+                file=path, section="variables", keys=histories.keys, is_time=True, titles=_with_units(histories, units),
+                n_run=histories.n_run, lengths=histories.lengths, guesses=histories.guesses,
             )  # fmt: skip
         return Contents(
             file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),),
@@ -375,15 +375,18 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
     return _of_frfs(path, arrays, keys, block, guesses)
 
 
-def _with_units(found: HistoriesFound, units: Mapping[str, str]) -> tuple[str, ...]:
+def _with_units(histories: HistoriesFound, units: Mapping[str, str]) -> tuple[str, ...]:
     """Return the titles of channels, of which each is a variable whose unit the file states, with that unit."""
-    history = found.keys["history"]
+    history = histories.keys["history"]
     names = [history] if isinstance(history, str) else history
-    if len(names) != len(found.titles):
-        return found.titles
-    own = [next((unit for v, unit in units.items() if pattern_of(name).fullmatch(v)), "") for name in names]
+    if len(names) != len(histories.titles):
+        return histories.titles
+    of_arrays = [
+        next((unit for v, unit in units.items() if pattern_of(name).fullmatch(v)), "") for name in names
+    ]
     return tuple(
-        f"{title} [{unit}]" if unit else title for title, unit in zip(found.titles, own, strict=True)
+        f"{title} [{unit}]" if unit else title
+        for title, unit in zip(histories.titles, of_arrays, strict=True)
     )
 
 
@@ -462,17 +465,17 @@ def _two_parts(arrays: _Arrays) -> tuple[dict[str, Any], _Arrays, list[str]] | N
 
     Their frequencies are steps that the file states as numbers.
     """
-    found = [
+    names = [
         name for name, value in arrays.items()
         if _FRF.search(_last(name)) and value.dtype.kind == "f" and value.ndim == 2
         and value.shape[1] == 2 and value.shape[0] >= _FEWEST_LINES
     ]  # fmt: skip
-    found = [name for name in found if arrays[name].shape == arrays[found[0]].shape]
-    if not found or not _steps(arrays, arrays[found[0]].shape[0], []):
+    names = [name for name in names if arrays[name].shape == arrays[names[0]].shape]
+    if not names or not _steps(arrays, arrays[names[0]].shape[0], []):
         return None
-    parts = {f"{name}[:, {k}]": arrays[name][:, k] for name in found for k in (0, 1)}
-    keys = {key: [f"{name}[:, {k}]" for name in found] for k, key in enumerate(WAYS[1])}
-    said = ", ".join(map(repr, found))
+    parts = {f"{name}[:, {k}]": arrays[name][:, k] for name in names for k in (0, 1)}
+    keys = {key: [f"{name}[:, {k}]" for name in names] for k, key in enumerate(WAYS[1])}
+    said = ", ".join(map(repr, names))
     return keys, parts, [f"the two columns of {said} are taken as real and imaginary parts"]
 
 
@@ -518,8 +521,8 @@ def _coherences(arrays: _Arrays, block: NDArray[Any], frfs: list[str]) -> list[s
         same = [name for name in called if re.findall(r"\d+", name) == number]
         return (same or called)[:1]
     of_number = {tuple(re.findall(r"\d+", name)): name for name in called}
-    found = [of_number.get(tuple(re.findall(r"\d+", name))) for name in frfs]
-    return [name for name in found if name is not None] if None not in found else []
+    coherences = [of_number.get(tuple(re.findall(r"\d+", name))) for name in frfs]
+    return [name for name in coherences if name is not None] if None not in coherences else []
 
 
 def _frequency(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
@@ -575,16 +578,16 @@ def _axes(shape: tuple[int, ...], n_line: int) -> list[str]:
 
 def _place(arrays: _Arrays, keys: dict[str, Any], end: str, count: int) -> bool:
     """Add the variables of points and directions whose names and lengths fit; say whether there are both."""
-    found: dict[str, str] = {}
+    variables: dict[str, str] = {}
     for key, what in (("point", r"point|node|dof"), ("direction", r"dir")):
         for name, value in arrays.items():
             words = re.split(r"[^a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower())
             is_input = any(word.startswith(("in", "ref", "force", "exc", "shak")) for word in words)
-            own = re.search(what, name, re.IGNORECASE) and is_input == (end == "input")
+            fits = re.search(what, name, re.IGNORECASE) and is_input == (end == "input")
             whole = value.size == count and not np.iscomplexobj(value) and np.all(value == np.round(value))
-            if own and whole and (key == "point" or np.all(np.isin(np.abs(value), (1, 2, 3)))):
-                found.setdefault(f"{end}_{key}", name)
-    if len(found) < 2:
+            if fits and whole and (key == "point" or np.all(np.isin(np.abs(value), (1, 2, 3)))):
+                variables.setdefault(f"{end}_{key}", name)
+    if len(variables) < 2:
         return False
-    keys.update(found)
+    keys.update(variables)
     return True

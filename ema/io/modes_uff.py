@@ -76,17 +76,17 @@ def read_modes_uff(path: Path, geometry: Geometry) -> FoundModes:
     sets = cut(path)
     notes: list[str] = []
     mass = mass_unit(sets)
-    found = [
+    modes = [
         mode
         for data_set in sets
         if data_set.kind in MODE_SETS and (mode := _mode(data_set, geometry, mass, notes)) is not None
     ]
-    if not found:
+    if not modes:
         held = ", ".join(sorted({s.kind for s in sets}))
         said = f" ({notes[0]})" if notes else ""
         message = f"{path}: no mode shape (data sets 55 or 2414) in the file; it holds data sets {held}{said}"
         raise MeasurementError(message)
-    whole = joined(found)
+    whole = joined(modes)
     return without_unmeasured(replace(whole, source=str(path), notes=(*whole.notes, *dict.fromkeys(notes))))
 
 
@@ -186,16 +186,16 @@ def _head_2414(data_set: DataSet) -> _Header:
             f"{data_set.where}: holds data on elements (location {place}); mode shapes are data at nodes, 1"
         )
         raise MeasurementError(message)
-    own = (*_reals(data_set, lines, 11), *[0.0] * 6)
+    numbers = (*_reals(data_set, lines, 11), *[0.0] * 6)
     eigen = (*_reals(data_set, lines, 12), *[0.0] * 6)
     return _Header(
         analysis=analysis,
         is_displacement=result == _DISPLACEMENT,
         is_complex=_is_complex(data_set, form) if analysis in modes else False,
         n_value=n_value,
-        frequency=own[1],
-        modal_mass=own[3],
-        damping=_damping(own[4], own[5]),
+        frequency=numbers[1],
+        modal_mass=numbers[3],
+        damping=_damping(numbers[4], numbers[5]),
         eigenvalue=complex(eigen[0], eigen[1]),
         modal_a=complex(eigen[2], eigen[3]),
         body=lines[13:],
@@ -263,11 +263,11 @@ def _lines(data_set: DataSet) -> list[str]:
 
 def _numbers(data_set: DataSet, line: str) -> list[float]:
     """Return the numbers of a line, which may touch each other: a sign begins a new one."""
-    found = _NUMBER.findall(line)
+    numbers = _NUMBER.findall(line)
     if _NUMBER.sub("", line).strip():
         message = f"{data_set.where}: expected numbers, found {line.strip()[:60]!r}"
         raise MeasurementError(message)
-    return [float(re.sub("[Dd]", "e", word)) for word in found]
+    return [float(re.sub("[Dd]", "e", word)) for word in numbers]
 
 
 def _reals(data_set: DataSet, lines: list[str], row: int) -> list[float]:

@@ -123,12 +123,12 @@ def ungrouped(text: str, decimal: str, marks: str | None = None) -> str:
     """
     if marks is None:
         marks = "'’\u00a0\u202f" + (".," if decimal in text else "")
-    own = "".join(mark for mark in marks if mark in text and mark != decimal)
-    if not own:
+    separators = "".join(mark for mark in marks if mark in text and mark != decimal)
+    if not separators:
         return text
-    apart = f"[{re.escape(own)}]"
-    number_ = rf"(?<![\d{re.escape(own + decimal)}])[1-9]\d{{0,2}}(?:{apart}\d{{3}})+(?!\d)"
-    return re.sub(number_, lambda found: re.sub(apart, "", found[0]), text)
+    apart = f"[{re.escape(separators)}]"
+    number_ = rf"(?<![\d{re.escape(separators + decimal)}])[1-9]\d{{0,2}}(?:{apart}\d{{3}})+(?!\d)"
+    return re.sub(number_, lambda match: re.sub(apart, "", match[0]), text)
 
 
 def _with_letter(text: str) -> str:
@@ -182,16 +182,16 @@ def segments_of(rows: Sequence[str], header_rows: int) -> list[Segment]:
     if not is_labview(rows[:header_rows]):
         return [Segment(rows=list(rows[header_rows:]), first=header_rows, start=0.0)]
     ends = [k for k, row in enumerate(rows) if k >= header_rows and row.startswith(END_OF_HEADER)]
-    found, header = [], 0
+    segments, header = [], 0
     for first in (header_rows, *(end + 2 for end in ends)):  # titles stand between
         last = first
         while last < len(rows) and not _HEADER.match(rows[last]):
             last += 1
         if last > first:
             start = _start(rows[header:first])
-            found.append(Segment(rows=list(rows[first:last]), first=first, start=start))
+            segments.append(Segment(rows=list(rows[first:last]), first=first, start=start))
         header = last
-    return found
+    return segments
 
 
 def _start(header: Sequence[str]) -> float:

@@ -84,19 +84,19 @@ def _headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
 def _arrays(path: Path) -> list[tuple[str, tuple[NDArray[Any], int | None]]]:
     """Return the arrays of functions, each with the number of its type, if the file holds one."""
     headers = _headers(path)
-    found = {name: shape for name, (shape, dtype) in headers.items() if _is_data(dtype)}
-    for name, shape in found.items():
+    shapes = {name: shape for name, (shape, dtype) in headers.items() if _is_data(dtype)}
+    for name, shape in shapes.items():
         if prod(shape) * headers[name][1].itemsize > _LARGEST_BYTES:
             message = f"{path}: variable {name!r}: holds {shape} functions, more than can be read"
             raise MeasurementError(message)
     with path.open("rb") as file:
         loaded = np.load(file, allow_pickle=False)
         if isinstance(loaded, np.ndarray):
-            return [("array", (np.atleast_1d(loaded), None))] if found else []
+            return [("array", (np.atleast_1d(loaded), None))] if shapes else []
         kind = headers.get(_TYPE)
         whole = kind is not None and kind[0] == () and kind[1].kind in "iu"
         number = int(loaded[_TYPE]) if whole else None
-        return [(name, (np.atleast_1d(loaded[name]), number)) for name in found]
+        return [(name, (np.atleast_1d(loaded[name]), number)) for name in shapes]
 
 
 def _functions(
@@ -227,8 +227,8 @@ def _array(path: Path) -> NDArray[Any]:
     except Exception as error:  # zip and NumPy raise what they like at damaged archives
         message = f"{path}: cannot be read as a NumPy file: {getattr(error, 'strerror', None) or error}"
         raise MeasurementError(message) from error
-    found = [a for a in arrays.values() if set(SHAPE_FIELDS) <= set(a.dtype.names or ())]
-    named = [a for a in found if {"node", "direction"} <= set(a.dtype["coordinate"].base.names or ())]
+    candidates = [a for a in arrays.values() if set(SHAPE_FIELDS) <= set(a.dtype.names or ())]
+    named = [a for a in candidates if {"node", "direction"} <= set(a.dtype["coordinate"].base.names or ())]
     if len(named) != 1:
         held = ", ".join(f"{name} ({', '.join(a.dtype.names or ('numbers',))})" for name, a in arrays.items())
         message = (

@@ -283,8 +283,8 @@ _AFTER_BLOCK = re.compile(rb"[\r\n]{0,4} {0,4}-1 *\r?(?:\n|\Z)")
 
 def _text_end(data: Content, position: int) -> tuple[int, int]:
     """Return where the body ends and where the next set may start (-1 without a closing delimiter)."""
-    found = _DELIMITER.search(data, max(position - 1, 0))
-    return (len(data), -1) if found is None else (max(found.start(), position), found.end())
+    match = _DELIMITER.search(data, max(position - 1, 0))
+    return (len(data), -1) if match is None else (max(match.start(), position), match.end())
 
 
 def _header_lines(data: bytes) -> tuple[list[bytes], bytes]:

@@ -58,9 +58,9 @@ def with_axes_along(geometry: Geometry, *dofs: Dofs) -> Geometry:
     """
     axes = geometry.axes.copy()
     for i, node in enumerate(geometry.node.tolist()):
-        own = np.vstack([there.direction[there.node == node] for there in dofs])
+        directions = np.vstack([there.direction[there.node == node] for there in dofs])
         different: list[NDArray[np.float64]] = []
-        for direction in own:
+        for direction in directions:
             if all(abs(direction @ other) < 1.0 - _ALONG for other in different):
                 different.append(direction)
         is_off = any(_code(geometry, node, direction) == 0 for direction in different)

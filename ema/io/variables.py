@@ -248,8 +248,8 @@ def _each(path: Path, blocks: list[_Named]) -> Iterator[tuple[int, int, NDArray[
 def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout) -> list[_Named]:
     """Return the FRFs, each with the variable that messages name."""
     if layout.frf is not None:
-        found = [(name, _block(path, arrays, layout, "frf", name)) for name in layout.frf]
-        for name, value in found:
+        frfs = [(name, _block(path, arrays, layout, "frf", name)) for name in layout.frf]
+        for name, value in frfs:
             if not np.iscomplexobj(value):
                 message = (
                     f"{path}: variable {name!r} (frf): its numbers are real, expected complex ones; where the parts "
@@ -259,16 +259,16 @@ def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout)
     else:
         keys = next(keys for keys in WAYS if getattr(layout, keys[0]) is not None)
         pairs = zip(*(getattr(layout, key) for key in keys), strict=True)
-        found = [(names[0], _of_parts(path, arrays, layout, keys, names)) for names in pairs]
-    for name, value in found:
-        if (value.shape[0], value.shape[2]) != (found[0][1].shape[0], found[0][1].shape[2]):
+        frfs = [(names[0], _of_parts(path, arrays, layout, keys, names)) for names in pairs]
+    for name, value in frfs:
+        if (value.shape[0], value.shape[2]) != (frfs[0][1].shape[0], frfs[0][1].shape[2]):
             key = next(keys[0] for keys in WAYS if getattr(layout, keys[0]) is not None)
             message = (
-                f"{path}: variable {name!r} ({key}): {arrays[name]} do not fit the {arrays[found[0][0]]} of "
-                f"{found[0][0]!r}; expected the same frequencies and inputs in all"
+                f"{path}: variable {name!r} ({key}): {arrays[name]} do not fit the {arrays[frfs[0][0]]} of "
+                f"{frfs[0][0]!r}; expected the same frequencies and inputs in all"
             )
             raise MeasurementError(message)
-    return found
+    return frfs
 
 
 def _of_parts(
@@ -294,17 +294,17 @@ def _of_parts(
 
 
 def _coherences(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, found: list[_Named]
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, frfs: list[_Named]
 ) -> list[_Named]:
     names = layout.coherence or ()
-    if names and len(names) != len(found):
+    if names and len(names) != len(frfs):
         message = (
             f"{path}: variables {', '.join(map(repr, names))} (coherence): expected one for each of the "
-            f"{len(found)} of the FRFs"
+            f"{len(frfs)} of the FRFs"
         )
         raise MeasurementError(message)
     coherences = [(name, _block(path, arrays, layout, "coherence", name)) for name in names]
-    for (name, coherence), (frf, value) in zip(coherences, found, strict=False):
+    for (name, coherence), (frf, value) in zip(coherences, frfs, strict=False):
         if coherence.shape != value.shape or np.iscomplexobj(coherence):
             message = (
                 f"{path}: variable {name!r} (coherence): expected real numbers in the shape of "
@@ -349,14 +349,14 @@ def _two_columns(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: 
 
 
 def _frequency(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, found: list[_Named]
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, frfs: list[_Named]
 ) -> NDArray[np.float64]:
-    name, count = found[0][0], found[0][1].shape[0]
+    name, count = frfs[0][0], frfs[0][1].shape[0]
     if layout.frequency is None:
         return layout.axis_start + layout.axis_step * np.arange(count, dtype=np.float64)
     if layout.frequency == FIRST_COLUMN:
-        columns = [_two_columns(path, arrays, "frequency", other)[:, 0] for other, _ in found]
-        for (other, _), column in zip(found, columns, strict=True):
+        columns = [_two_columns(path, arrays, "frequency", other)[:, 0] for other, _ in frfs]
+        for (other, _), column in zip(frfs, columns, strict=True):
             if np.any(column.imag != 0) or np.any(column != columns[0]):
                 message = (
                     f"{path}: variable {other!r} (frequency): expected the frequencies in its first column, real and "

@@ -368,12 +368,12 @@ def _angles(
     if n_dof < _FEWEST_DOFS or not n_mode:
         return np.full(n_mode, np.nan), np.full(n_mode, np.nan)
     frequency, matched = reference
-    own = frequency[matched]
-    groups = _planes(own, np.exp(after.frequency[0]))
+    matched_frequency = frequency[matched]
+    groups = _planes(matched_frequency, np.exp(after.frequency[0]))
     angle, variance, assembly = np.zeros((3, n_mode))
     for group in groups:
         others = np.delete(frequency, matched[group])
-        gap = np.abs(own[group][:, None] / others - others / own[group][:, None])
+        gap = np.abs(matched_frequency[group][:, None] / others - others / matched_frequency[group][:, None])
         mixed = 2.0 * np.sum((stated.frequency / np.maximum(gap, 2.0 * closest)) ** 2, axis=1)
         assembly[group] = np.sum(stated.shape**2 + mixed)
         angle[group] = np.arcsin(sine(before.mean_shape[:, group], after.mean_shape[:, group]))
@@ -411,7 +411,7 @@ def _adjusted(tail: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _only(
-    own: Sequence[ModalModel],
+    models: Sequence[ModalModel],
     own_modes: Sequence[Modes],
     others: Sequence[ModalModel],
     other_modes: Sequence[Modes],
@@ -426,8 +426,8 @@ def _only(
         kept &= np.isin(np.arange(kept.size), match(first, repeat)[0])
     for other in other_modes:
         kept &= ~np.isin(np.arange(kept.size), match(first, other)[0])
-    lower = max(model.band[0] for model in (*own, *others)) * (1.0 + edge)
-    upper = min(model.band[1] for model in (*own, *others)) * (1.0 - edge)
+    lower = max(model.band[0] for model in (*models, *others)) * (1.0 + edge)
+    upper = min(model.band[1] for model in (*models, *others)) * (1.0 - edge)
     return np.flatnonzero(kept & (first[0] > lower) & (first[0] < upper))
 
 
@@ -442,16 +442,16 @@ def _like(
 ) -> NDArray[np.int64]:
     """Return for modes without a partner the number of the matched mode that is close by and has their shape, or -1."""
     frequency, shape = modes
-    found = np.full(single.size, -1)
+    likeliest = np.full(single.size, -1)
     if not matched.size or shape.shape[0] < _FEWEST_DOFS:
-        return found
+        return likeliest
     alike = mac(shape[:, single], shape[:, matched]) if single.size else np.empty((0, matched.size))
     for k, r in enumerate(single):
         near = np.abs(np.log(frequency[matched] / frequency[r])) < CLOSE
         likeness = np.where(near, alike[k], 0.0)
         if likeness.max() > twin:
-            found[k] = number[int(np.argmax(likeness))]
-    return found
+            likeliest[k] = number[int(np.argmax(likeness))]
+    return likeliest
 
 
 def _places(model: ModalModel, dofs: NDArray[np.int64]) -> NDArray[np.float64]:

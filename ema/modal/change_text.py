@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.modal.change import Change
+from ema.modal.change import KINDS, Change
 
 _COLUMNS = (
     "mode", "reference_mode", "frequency_Hz", "reference_frequency_Hz", "frequency_shift", "frequency_scatter",
@@ -18,22 +18,22 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def change_sentence(found: Change) -> str:
+def change_sentence(change: Change) -> str:
     """Say in one sentence whether a state changed against its reference, which modes did, and by how much."""
-    head = f"{found.name} against {_list(found.reference)}"
-    if not found.mode.size:
-        return f"{head}: they share no mode, so nothing can be said of a change{_one_sided(found)}"
-    if not found.changed:
-        return f"{head}: {_unchanged(found)}{_one_sided(found)}"
-    parts = [*_moved(found), *_damped(found), *_turned(found)]
-    same = np.flatnonzero(~found.which.any(axis=1))
+    head = f"{change.name} against {_list(change.reference)}"
+    if not change.mode.size:
+        return f"{head}: they share no mode, so nothing can be said of a change{_one_sided(change)}"
+    if not change.changed:
+        return f"{head}: {_unchanged(change)}{_one_sided(change)}"
+    parts = [*_moved(change), *_damped(change), *_turned(change)]
+    same = np.flatnonzero(~change.which.any(axis=1))
     text = "; ".join(parts)
     if same.size:
-        text += f"; {_modes(found, same)} did not by more than would be seen ({_seen(found, same)})"
-    return f"{head}: changed: {text}{_one_sided(found)}"
+        text += f"; {_modes(change, same)} did not by more than would be seen ({_seen(change, same)})"
+    return f"{head}: changed: {text}{_one_sided(change)}"
 
 
-def change_csv(found: Change) -> str:
+def change_csv(change: Change) -> str:
     """Return a comparison as CSV, one row for each mode that both have; modes are numbered from 1.
 
     Shifts are differences of logarithms, state less reference, scatters their standard deviations without a change.
@@ -41,74 +41,74 @@ def change_csv(found: Change) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)
-    which = found.which
-    for r in range(found.mode.size):
-        f, d, s = found.probability[r]
+    which = change.which
+    for r in range(change.mode.size):
+        f, d, s = change.probability[r]
         writer.writerow(
             (
-                found.mode[r] + 1, found.reference_mode[r] + 1, found.frequency[r], found.reference_frequency[r],
-                found.frequency_shift[r], found.frequency_scatter[r], f, found.damping[r], found.reference_damping[r],
-                found.damping_shift[r], found.damping_scatter[r], d, found.mac[r], np.rad2deg(found.angle[r]),
-                np.rad2deg(np.arcsin(np.minimum(found.angle_scatter[r], 1.0))), s,
-                " ".join(name for name, own in zip(("frequency", "damping", "shape"), which[r], strict=True) if own),
+                change.mode[r] + 1, change.reference_mode[r] + 1, change.frequency[r], change.reference_frequency[r],
+                change.frequency_shift[r], change.frequency_scatter[r], f, change.damping[r],
+                change.reference_damping[r], change.damping_shift[r], change.damping_scatter[r], d, change.mac[r],
+                np.rad2deg(change.angle[r]), np.rad2deg(np.arcsin(np.minimum(change.angle_scatter[r], 1.0))), s,
+                " ".join(what for what, is_other in zip(KINDS, which[r], strict=True) if is_other),
             )
         )  # fmt: skip
     return text.getvalue()
 
 
-def _unchanged(found: Change) -> str:
-    size = float(np.abs(np.expm1(found.frequency_shift)).max())
-    r = int(np.argmax(np.abs(found.frequency_shift) / found.frequency_scatter))
-    times = abs(found.frequency_shift[r]) / found.frequency_scatter[r]
+def _unchanged(change: Change) -> str:
+    size = float(np.abs(np.expm1(change.frequency_shift)).max())
+    r = int(np.argmax(np.abs(change.frequency_shift) / change.frequency_scatter))
+    times = abs(change.frequency_shift[r]) / change.frequency_scatter[r]
     return (
         f"no change is seen: frequencies moved by at most {_percent(size)}, "
-        f"{f'{times:.1f}' if times >= 0.1 else 'less than 0.1'} times {_scatter(found)}; "
-        f"one that moved by less than {_seen(found, np.arange(found.mode.size))} would not be seen"
+        f"{f'{times:.1f}' if times >= 0.1 else 'less than 0.1'} times {_scatter(change)}; "
+        f"one that moved by less than {_seen(change, np.arange(change.mode.size))} would not be seen"
     )
 
 
-def _seen(found: Change, which: NDArray[np.int64]) -> str:
+def _seen(change: Change, which: NDArray[np.int64]) -> str:
     """Write the shift of a frequency that would be called a change, in the median of some modes."""
-    return _percent(float(np.expm1(np.median(found.critical_shift[which]))))
+    return _percent(float(np.expm1(np.median(change.critical_shift[which]))))
 
 
-def _moved(found: Change) -> Iterator[str]:
+def _moved(change: Change) -> Iterator[str]:
     """Say which frequencies fell and which rose."""
-    times = np.abs(found.frequency_shift) / found.frequency_scatter
+    times = np.abs(change.frequency_shift) / change.frequency_scatter
     first = True
     for sign, word in ((-1.0, "fell"), (1.0, "rose")):
-        moved = np.flatnonzero(found.which[:, 0] & (np.sign(found.frequency_shift) == sign))
+        moved = np.flatnonzero(change.which[:, 0] & (np.sign(change.frequency_shift) == sign))
         if moved.size:
-            size = np.abs(np.expm1(found.frequency_shift[moved]))
-            scatter = _scatter(found) if first else "that scatter"
+            size = np.abs(np.expm1(change.frequency_shift[moved]))
+            scatter = _scatter(change) if first else "that scatter"
             yield (
-                f"{_modes(found, moved)} {word} by {_range(size)}, {_between(times[moved])} times {scatter}"
+                f"{_modes(change, moved)} {word} by {_range(size)}, {_between(times[moved])} times {scatter}"
             )
             first = False
 
 
-def _damped(found: Change) -> Iterator[str]:
+def _damped(change: Change) -> Iterator[str]:
     for sign, word in ((1.0, "more"), (-1.0, "less")):
-        moved = np.flatnonzero(found.which[:, 1] & (np.sign(found.damping_shift) == sign))
+        moved = np.flatnonzero(change.which[:, 1] & (np.sign(change.damping_shift) == sign))
         if moved.size:
             yield (
-                f"the damping of {_modes(found, moved)} is {word} by "
-                f"{_range(np.abs(np.expm1(found.damping_shift[moved])))}"
+                f"the damping of {_modes(change, moved)} is {word} by "
+                f"{_range(np.abs(np.expm1(change.damping_shift[moved])))}"
             )
 
 
-def _turned(found: Change) -> Iterator[str]:
-    turned = np.flatnonzero(found.which[:, 2])
+def _turned(change: Change) -> Iterator[str]:
+    turned = np.flatnonzero(change.which[:, 2])
     if turned.size:
-        yield f"the shape of {_modes(found, turned)} is another one (MAC down to {found.mac[turned].min():.2f})"
+        yield f"the shape of {_modes(change, turned)} is another one (MAC down to {change.mac[turned].min():.2f})"
 
 
-def _one_sided(found: Change) -> str:
+def _one_sided(change: Change) -> str:
     """Say which modes only one of the two has; the level does not count them, for an identification may miss one."""
     text = ""
     for frequency, like, where in (
-        (found.new_frequency, found.new_like, found.name),
-        (found.gone_frequency, found.gone_like, "the reference"),
+        (change.new_frequency, change.new_like, change.name),
+        (change.gone_frequency, change.gone_like, "the reference"),
     ):
         if frequency.size:
             one = frequency.size == 1
@@ -121,14 +121,14 @@ def _one_sided(found: Change) -> str:
     return text
 
 
-def _scatter(found: Change) -> str:
-    if found.freedom.max(initial=0.0) > 0:
+def _scatter(change: Change) -> str:
+    if change.freedom.max(initial=0.0) > 0:
         return "the scatter of repeats and reassembly"
     return "the scatter that reassembly and noise bring"
 
 
-def _modes(found: Change, which: NDArray[np.int64]) -> str:
-    numbers = [str(r + 1) for r in found.reference_mode[which]]
+def _modes(change: Change, which: NDArray[np.int64]) -> str:
+    numbers = [str(r + 1) for r in change.reference_mode[which]]
     return f"{'mode' if which.size == 1 else 'modes'} {_list(numbers)}"
 
 

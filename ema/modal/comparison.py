@@ -87,11 +87,11 @@ def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparis
         tracks += [{c: (r, 1.0)} for r in range(model.frequency.size) if r not in taken]
 
     def table(name: str) -> NDArray[np.float64]:
-        found = np.full((len(models), len(tracks)), np.nan)
+        matched = np.full((len(models), len(tracks)), np.nan)
         for t, track in enumerate(tracks):
             for c, (r, _) in track.items():
-                found[c, t] = getattr(models[c], name)[r]
-        return found
+                matched[c, t] = getattr(models[c], name)[r]
+        return matched
 
     order = np.argsort([np.mean([models[c].frequency[r] for c, (r, _) in track.items()]) for track in tracks])
     values = np.full((len(models), len(tracks)), np.nan)
@@ -187,8 +187,8 @@ def match(
     possible = (likeness >= alike) & (apart <= farthest)
     score = np.where(possible, likeness * np.exp(-np.log(2.0) * (apart / width) ** 2), 0.0)
     rows, columns = scipy.optimize.linear_sum_assignment(score, maximize=True)
-    found = score[rows, columns] > 0.0
-    return rows[found].astype(np.int64), columns[found].astype(np.int64)
+    matched = score[rows, columns] > 0.0
+    return rows[matched].astype(np.int64), columns[matched].astype(np.int64)
 
 
 def clusters(frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], ...]:
@@ -207,9 +207,9 @@ def sine(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float
 
 def _likeness(first: Modes, second: Modes) -> NDArray[np.float64]:
     """MAC of every two modes; of close ones at least most of what lies in the plane of their neighbours."""
-    own = mac(first[1], second[1])
+    value = mac(first[1], second[1])
     planes = np.minimum(_in_planes(first, second[1]), _in_planes(second, first[1]).T)
-    return np.maximum(own, 0.9 * planes)
+    return np.maximum(value, 0.9 * planes)
 
 
 def _in_planes(state: Modes, shape: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -217,14 +217,14 @@ def _in_planes(state: Modes, shape: NDArray[np.complex128]) -> NDArray[np.float6
 
     It is 0 of a mode that has none: its MAC says it all.
     """
-    found = np.zeros((state[0].size, shape.shape[1]))
+    share = np.zeros((state[0].size, shape.shape[1]))
     whole = np.sum(np.abs(shape) ** 2, axis=0)
     for group in clusters(state[0]):
         if group.size == 1:
             continue
         basis = la.orth(state[1][:, group] / np.linalg.norm(state[1][:, group], axis=0))
-        found[group] = np.sum(np.abs(basis.conj().T @ shape) ** 2, axis=0) / whole
-    return found
+        share[group] = np.sum(np.abs(basis.conj().T @ shape) ** 2, axis=0) / whole
+    return share
 
 
 def _dof(model: ModalModel, k: int) -> tuple[float, ...]:

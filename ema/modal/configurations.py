@@ -88,27 +88,29 @@ def repeats(configurations: Sequence[Configuration], comparison: Comparison) -> 
         One for each condition that more than one of them states.
     """
     groups: dict[tuple[object, ...], list[int]] = {}
-    repeated = {own.repeat_of for own in configurations} - {None}
-    for k, own in enumerate(configurations):
-        if own.repeat_of is not None or own.name in repeated:
-            groups.setdefault((own.repeat_of or own.name,), []).append(k)
-        elif own.compare_to:
+    repeated = {configuration.repeat_of for configuration in configurations} - {None}
+    for k, configuration in enumerate(configurations):
+        if configuration.repeat_of is not None or configuration.name in repeated:
+            groups.setdefault((configuration.repeat_of or configuration.name,), []).append(k)
+        elif configuration.compare_to:
             continue
-        elif own.torque is not None or own.pressure is not None:
-            groups.setdefault((own.stack, own.torque, own.pressure, own.height), []).append(k)
+        elif configuration.torque is not None or configuration.pressure is not None:
+            groups.setdefault(
+                (configuration.stack, configuration.torque, configuration.pressure, configuration.height), []
+            ).append(k)
     return tuple(_compared(comparison, np.array(group)) for group in groups.values() if len(group) > 1)
 
 
 def _compared(comparison: Comparison, group: NDArray[np.int64]) -> Repeats:
     shared = np.count_nonzero(np.isfinite(comparison.frequency[group]), axis=0) > 1
-    own = np.ix_(group, shared)
+    cells = np.ix_(group, shared)
     return Repeats(
         name=tuple(comparison.name[k] for k in group),
-        frequency=np.nanmean(comparison.frequency[own], axis=0),
-        scatter=np.nanstd(comparison.frequency[own], axis=0, ddof=1),
-        stated=np.sqrt(np.nanmean(comparison.frequency_std[own] ** 2, axis=0)),
-        damping_scatter=np.nanstd(comparison.damping[own], axis=0, ddof=1),
-        damping_stated=np.sqrt(np.nanmean(comparison.damping_std[own] ** 2, axis=0)),
+        frequency=np.nanmean(comparison.frequency[cells], axis=0),
+        scatter=np.nanstd(comparison.frequency[cells], axis=0, ddof=1),
+        stated=np.sqrt(np.nanmean(comparison.frequency_std[cells] ** 2, axis=0)),
+        damping_scatter=np.nanstd(comparison.damping[cells], axis=0, ddof=1),
+        damping_stated=np.sqrt(np.nanmean(comparison.damping_std[cells] ** 2, axis=0)),
     )
 
 
@@ -167,9 +169,9 @@ def _pairs(
 ) -> Iterator[tuple[int, int]]:
     """Yield pairs of configurations of one stack that follow each other as pressure or torque grows."""
     groups: dict[tuple[object, ...], list[int]] = {}
-    for k, own in enumerate(configurations):
-        if getattr(own, key) is not None:
-            groups.setdefault((own.stack, own.height), []).append(k)
+    for k, configuration in enumerate(configurations):
+        if getattr(configuration, key) is not None:
+            groups.setdefault((configuration.stack, configuration.height), []).append(k)
     for group in groups.values():
         ordered = sorted(group, key=lambda k: float(getattr(configurations[k], key)))
         for low, high in itertools.pairwise(ordered):
@@ -201,8 +203,8 @@ def _out_of_proportion(
             )
 
 
-def _said(own: Configuration) -> str:
-    return f"{own.name} states {own.torque:g} N m and {1e-3 * (own.pressure or 0.0):g} kPa"
+def _said(one: Configuration) -> str:
+    return f"{one.name} states {one.torque:g} N m and {1e-3 * (one.pressure or 0.0):g} kPa"
 
 
 def _softer(
@@ -279,10 +281,10 @@ def _sensor_changed(
 ) -> Iterator[str]:
     """Say of which configurations a sensor that roves reads more beside the others than in the first."""
     for k in range(1, len(models)):
-        found = _constants(models[0], models[k], comparison.frequency[[0, k]])
-        if found is None or found[0].shape[1] < fewest_modes:
+        constants = _constants(models[0], models[k], comparison.frequency[[0, k]])
+        if constants is None or constants[0].shape[1] < fewest_modes:
             continue
-        one, other, sensor = found
+        one, other, sensor = constants
         number = int(sensor.max()) + 1
         if number == 1 or np.bincount(sensor).min() < _FEWEST_DOFS:
             continue
@@ -307,8 +309,12 @@ def _ratio(
 
 def _ratios(first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
     """Return for each mode in common what the modal constants of a model are over those of the first."""
-    found = _constants(first, other, frequency)
-    return np.empty(0, complex) if found is None else _ratio(found[0], found[1], np.ones(len(found[2]), bool))
+    constants = _constants(first, other, frequency)
+    return (
+        np.empty(0, complex)
+        if constants is None
+        else _ratio(constants[0], constants[1], np.ones(len(constants[2]), bool))
+    )
 
 
 def _constants(

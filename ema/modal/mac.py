@@ -233,32 +233,32 @@ def check_complexity(modal_model: ModalModel) -> tuple[Verdict, ...]:
     tuple of Verdict
         A warning for each such mode, or that all pass.
     """
-    found = complexity(modal_model)
-    warned = tuple(_warnings(modal_model, found))
+    shapes = complexity(modal_model)
+    warned = tuple(_warnings(modal_model, shapes))
     if warned:
         return warned
     text = (
-        f"the shapes are nearly real: the lowest MPC is {found.mpc.min():.3f}"
-        if found.mpc.size
+        f"the shapes are nearly real: the lowest MPC is {shapes.mpc.min():.3f}"
+        if shapes.mpc.size
         else "no mode"
     )
     return (Verdict(check="complexity", level="pass", channel=(), band=None, message=text),)
 
 
-def _warnings(modal_model: ModalModel, found: Complexity, *, most_listed: int = 8) -> Iterator[Verdict]:
-    complex_ones = np.flatnonzero(found.is_complex)
+def _warnings(modal_model: ModalModel, shapes: Complexity, *, most_listed: int = 8) -> Iterator[Verdict]:
+    complex_ones = np.flatnonzero(shapes.is_complex)
     for r in complex_ones[:most_listed]:
         f = float(modal_model.frequency[r])
-        most = 0.5 * (1.0 + np.sqrt(found.mpc[r]))  # of a real shape along the longer axis of the components
+        most = 0.5 * (1.0 + np.sqrt(shapes.mpc[r]))  # of a real shape along the longer axis of the components
         why = (
             "its noise alone explains that: measure it better, or leave it out"
-            if found.by_noise[r] > 0.5 * found.mcf[r]
+            if shapes.by_noise[r] > 0.5 * shapes.mcf[r]
             else "a mode close by, damping at a joint, a sensor's mass that moves, or the phase of a channel does that"
         )
         text = (
-            f"the mode at {f:.5g} Hz is too complex to be compared as real: MPC {found.mpc[r]:.2f} (of a real mode 1), "
-            f"phases {found.mpd[r]:.0f} degrees off their line in the mean; no real shape has a MAC above {most:.2f} "
-            f"with it; {why}"
+            f"the mode at {f:.5g} Hz is too complex to be compared as real: MPC {shapes.mpc[r]:.2f} (of a real mode "
+            f"1), phases {shapes.mpd[r]:.0f} degrees off their line in the mean; no real shape has a MAC above "
+            f"{most:.2f} with it; {why}"
         )
         yield Verdict(check="complexity", level="warn", channel=(), band=(f, f), message=text)
     if complex_ones.size > most_listed:

@@ -28,9 +28,9 @@ def yielding_beyond(shape: NDArray[np.float64], square: NDArray[np.float64]) -> 
 
     They go on as far apart as those of the band are, and are felt as they are: the sum of phi**2 / (lambda_s - lambda).
     """
-    own = np.sqrt(square)
-    apart = np.ptp(own) / (own.size - 1) if own.size > 1 else 0.5 * own[0]
-    above = own.max() + apart * np.arange(1, _ABOVE + 1)
+    omega = np.sqrt(square)
+    apart = np.ptp(omega) / (omega.size - 1) if omega.size > 1 else 0.5 * omega[0]
+    above = omega.max() + apart * np.arange(1, _ABOVE + 1)
     return np.asarray(np.mean(shape**2) * np.sum(1.0 / (above[:, None] ** 2 - square), axis=0))
 
 
@@ -48,9 +48,9 @@ def moved_by_beyond(square: NDArray[np.float64], lost: NDArray[np.float64]) -> N
     lost : (n_mode,) float
         Shares that the squared frequencies lose by the sensors, m phi**2.
     """
-    own = np.sort(np.sqrt(square))
-    apart = (own[-1] - own[0]) / (own.size - 1) if own.size > 1 else 0.5 * own[0]
-    ends = np.array([end for end in (own[0] - apart, own[-1] + apart) if end > 0.0])
+    omega = np.sort(np.sqrt(square))
+    apart = (omega[-1] - omega[0]) / (omega.size - 1) if omega.size > 1 else 0.5 * omega[0]
+    ends = np.array([end for end in (omega[0] - apart, omega[-1] + apart) if end > 0.0])
     near = np.abs(1.0 - ends[:, None] ** 2 / square)
     return np.asarray(0.5 * lost * lost.mean() * np.sum(1.0 / near, axis=0))
 
@@ -79,20 +79,20 @@ def loaded(
     back = np.swapaxes(inverse, -1, -2)
     value, vector = np.linalg.eigh((inverse * square[..., None, :]) @ back)
     turn = back @ vector
-    own = _places(np.abs(turn))
-    turn = np.take_along_axis(turn, own[..., None, :], axis=-1)
+    places = _places(np.abs(turn))
+    turn = np.take_along_axis(turn, places[..., None, :], axis=-1)
     sign = np.sign(np.diagonal(turn, axis1=-2, axis2=-1))
-    return np.take_along_axis(value, own, axis=-1), turn * sign[..., None, :]
+    return np.take_along_axis(value, places, axis=-1), turn * sign[..., None, :]
 
 
 def _places(size: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return for each row of square matrices, (..., n, n), a column of its own, so that the sum there is largest."""
     n = size.shape[-1]
     every = size.reshape(-1, n, n)
-    own = np.argmax(every, axis=-1)  # the largest of all, where no two rows want the same column
-    for i in np.flatnonzero((np.sort(own, axis=-1) != np.arange(n)).any(axis=-1)):
-        own[i] = scipy.optimize.linear_sum_assignment(-every[i])[1]
-    return np.asarray(own.reshape(size.shape[:-1]))
+    place = np.argmax(every, axis=-1)  # the largest of all, where no two rows want the same column
+    for i in np.flatnonzero((np.sort(place, axis=-1) != np.arange(n)).any(axis=-1)):
+        place[i] = scipy.optimize.linear_sum_assignment(-every[i])[1]
+    return np.asarray(place.reshape(size.shape[:-1]))
 
 
 def yielding(
@@ -387,8 +387,8 @@ class _Problem:
         if self.modes.drive_run is None or self.sought.shape[1] > 1 or not (self.given + self._first()).any():
             return [self._start(np.ones(self.rough.shape[1]))]
         load = self.given + self._first()
-        told = _first_load(self.modes, np.eye(load.size))
-        ratio = np.divide(told, load, out=np.ones_like(load), where=load > 0.0)
+        from_runs = _first_load(self.modes, np.eye(load.size))
+        ratio = np.divide(from_runs, load, out=np.ones_like(load), where=load > 0.0)
         scale = np.clip(np.sqrt(ratio), 1.0 / _MOST_SCALED, _MOST_SCALED)
         return [self._start(np.ones(load.size)), self._start(scale)]
 
@@ -413,7 +413,7 @@ class _Problem:
         """Return a vector with loads that are no less than nothing and not beyond what modes of the band can tell."""
         n_mode, n_load = self.sought.shape
         most = _HEAVIEST / np.maximum(np.sum(self.modes.shape**2, axis=0) / len(self.rough), 1e-300)
-        bound = np.array([most[own > 0.0].min() for own in self.sought.T])
+        bound = np.array([most[direction > 0.0].min() for direction in self.sought.T])
         limited = x.copy()
         loads = slice(n_mode, n_mode + n_load)
         limited[loads] = np.clip(x[loads], 1e-9 * self.size[loads], bound)
@@ -424,25 +424,25 @@ class _Problem:
         runs = [self._run(k, x[None])[0] for k in range(len(self.rough))]
         return np.concatenate([*runs, self._prior(x[None])[0]])
 
-    def rough_shapes(self, own: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def rough_shapes(self, rows: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the standard deviations of the shapes of a run, (n_own, n_mode)."""
-        each = np.tile(self.rough_shape, (int(np.count_nonzero(own)), 1))
+        each = np.tile(self.rough_shape, (int(np.count_nonzero(rows)), 1))
         if self.modes.drive_std is not None:
-            at_force = np.flatnonzero(own) == self.modes.drive_output
+            at_force = np.flatnonzero(rows) == self.modes.drive_output
             each[at_force] = np.hypot(self.rough_shape, self.modes.drive_std)
         return each
 
     def _prior(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what flexibilities of vectors, (n, n_unknown), are off from what they are thought to be."""
-        beyond, own = self.parts(x)[3], self.pair[:, 1] == self.pair[:, 2]
-        mean = beyond[:, own].mean(axis=1, keepdims=True)
-        return np.concatenate([mean, (beyond - np.where(own, mean, 0.0)) / _UNEVEN], axis=1)
+        beyond, diagonal = self.parts(x)[3], self.pair[:, 1] == self.pair[:, 2]
+        mean = beyond[:, diagonal].mean(axis=1, keepdims=True)
+        return np.concatenate([mean, (beyond - np.where(diagonal, mean, 0.0)) / _UNEVEN], axis=1)
 
     def _run(self, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what vectors, (n, n_unknown), miss of the frequencies, modal constants and driving point of a run."""
-        modes, own = self.modes, self.modes.run == k
+        modes, rows = self.modes, self.modes.run == k
         square, load, drive, beyond, shape = self.parts(x)
-        shape = shape[:, own]
+        shape = shape[:, rows]
         known = load > 0.0
         unit = np.sqrt(np.where(known, load, 1.0))
         # times the mass, without a driving point: a load is the mass over the square at the force
@@ -457,12 +457,12 @@ class _Problem:
         moved = np.einsum("nrab,nbr->nar", moves, here)
         here = moved / np.sqrt(1.0 + load * np.sum(moved * (moved - here), axis=1))[:, None]
         if modes.rest is not None:
-            there = there + predicted * load * np.sum(here * modes.rest[own], axis=1)
+            there = there + predicted * load * np.sum(here * modes.rest[rows], axis=1)
         ratio = np.divide(there, reference, out=np.ones_like(there), where=known & (reference != 0.0))
         ratio = np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE)[:, None]
         off = [
             (np.log(predicted) - 2.0 * np.log(2.0 * np.pi * modes.frequency[k])) / self.rough[k],
-            ((here * ratio - modes.shape[own]) / self.rough_shapes(own)).reshape(len(x), -1),
+            ((here * ratio - modes.shape[rows]) / self.rough_shapes(rows)).reshape(len(x), -1),
         ]
         if modes.drive_run == k:
             off.append((there - modes.drive) / np.hypot(self.rough_shape, _or_zero(modes.drive_std)))
@@ -502,10 +502,10 @@ def _as_measured(
     moved = x.copy()
     shape = moved[x.size - problem.modes.shape.size :].reshape(problem.modes.shape.shape)
     for k, row in enumerate(problem.rows[:-1]):
-        own = problem.modes.run == k
-        size = n_mode * np.count_nonzero(own)
+        rows = problem.modes.run == k
+        size = n_mode * np.count_nonzero(rows)
         missed = misfit[row + n_mode : row + n_mode + size].reshape(-1, n_mode)
-        shape[own] -= missed * problem.rough_shapes(own)
+        shape[rows] -= missed * problem.rough_shapes(rows)
     return moved
 
 
@@ -549,11 +549,11 @@ def _pairs(
     few_sensors: int = 4,
 ) -> NDArray[np.int64]:
     """Return run and sensors, by their place in it, between which there are flexibilities; with many, each alone."""
-    found = []
+    pairs = []
     for k in range(n_run):
         n = int(np.count_nonzero(run == k))
-        found += [(k, a, b) for a in range(n) for b in range(a + 1) if a == b or n <= few_sensors]
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+        pairs += [(k, a, b) for a in range(n) for b in range(a + 1) if a == b or n <= few_sensors]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 3)
 
 
 def _first_load(modes: RovedModes, sought: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -73,30 +73,30 @@ def read_modes(campaign: Campaign, name: str) -> ReadModes:
         raise CampaignError(message)
     files = tuple(file for group in configuration.files for file in group.files)
     _require_no_correction(campaign, files)
-    found = _in_band(_read(files, campaign.geometry), campaign.identification.band)
-    _require_listed(campaign, found)
+    modes = _in_band(_read(files, campaign.geometry), campaign.identification.band)
+    _require_listed(campaign, modes)
     force = _force(configuration)
-    model = modal_model_of(found, name=name, geometry=campaign.geometry, force=force, std=campaign.modes_std)
-    notes = [*campaign.notes, _read_note(files), *found.notes, *_std_notes(found, campaign.modes_std)]
+    model = modal_model_of(modes, name=name, geometry=campaign.geometry, force=force, std=campaign.modes_std)
+    notes = [*campaign.notes, _read_note(files), *modes.notes, *_std_notes(modes, campaign.modes_std)]
     if force is None:
         notes.append(
             'where the force acted is not stated, which a diagnosis needs: write input = "12+z" with its point into '
             "the [[configuration]]"
         )
-    if np.isnan(found.damping).any():
+    if np.isnan(modes.damping).any():
         listed = ", ".join(f"{f:.5g} Hz" for f in model.frequency[model.damping_std > model.damping])
         notes.append(f"the damping of the modes at {listed} is not stated; it is not compared")
     return ReadModes(modal_model=model, verdicts=check_complexity(model), notes=tuple(notes))
 
 
 def modal_model_of(
-    found: FoundModes, *, name: str, geometry: Geometry, force: Dof | None, std: ModesStd = USUAL
+    modes: FoundModes, *, name: str, geometry: Geometry, force: Dof | None, std: ModesStd = USUAL
 ) -> ModalModel:
     """Return modes as an identification gives them that has no functions, ascending in frequency.
 
     Parameters
     ----------
-    found : FoundModes
+    modes : FoundModes
         The modes.
     name : str
         The configuration.
@@ -105,9 +105,9 @@ def modal_model_of(
     force : Dof, optional
         Where it acted. Mass-normalised shapes that hold its DOF give residues.
     std : ModesStd
-        Relative standard deviations where `found` has none; those that it lacks are the usual ones.
+        Relative standard deviations where `modes` has none; those that it lacks are the usual ones.
     """
-    known = completed(found, std)
+    known = completed(modes, std)
     frequency, damping = known.frequency, known.damping
     largest = known.shape[np.argmax(np.abs(known.shape), axis=0), np.arange(frequency.size)]
     shape = known.shape / np.where(known.scaled, 1.0, largest)
@@ -123,13 +123,13 @@ def modal_model_of(
         damping_std=known.damping_std,
         pole=pole,
         residue=_residues(
-            Dofs(node=found.node, direction=found.direction), inputs, pole, shape, known.scaled
+            Dofs(node=modes.node, direction=modes.direction), inputs, pole, shape, known.scaled
         ),
         shape=shape,
         shape_std=np.broadcast_to(known.shape_std * rms, shape.shape),
         scaled=known.scaled,
-        node=found.node,
-        direction=found.direction,
+        node=modes.node,
+        direction=modes.direction,
         sensor=np.zeros(n_dof, np.int64),
         input=inputs,
         band=(float(frequency[0]), float(frequency[-1])),
@@ -141,7 +141,7 @@ def modal_model_of(
         run_frequency_std=known.frequency_std[None, :],
         run_damping_std=known.damping_std[None, :],
         run_probability=np.ones((1, n_mode)),
-        read_from=found.source,
+        read_from=modes.source,
         **_without_functions(n_dof, n_mode),
     )
 
@@ -177,53 +177,53 @@ def _read(files: tuple[Path, ...], geometry: Geometry) -> FoundModes:
     raise MeasurementError(message)
 
 
-def _in_band(found: FoundModes, band: tuple[float, float] | None) -> FoundModes:
+def _in_band(modes: FoundModes, band: tuple[float, float] | None) -> FoundModes:
     """Return the modes within a band, Hz."""
     if band is None:
-        return found
-    inside = (found.frequency >= band[0]) & (found.frequency <= band[1])
+        return modes
+    inside = (modes.frequency >= band[0]) & (modes.frequency <= band[1])
     if not inside.any():
         message = (
-            f"{found.source}: none of its modes, from {found.frequency.min():.5g} to {found.frequency.max():.5g} Hz, "
+            f"{modes.source}: none of its modes, from {modes.frequency.min():.5g} to {modes.frequency.max():.5g} Hz, "
             f"lies in band_Hz = [{band[0]:g}, {band[1]:g}] of the campaign file"
         )
         raise MeasurementError(message)
     names = ("frequency", "damping", "frequency_std", "damping_std", "shape_std", "scaled")
-    kept = {name: getattr(found, name)[inside] for name in names}
-    return replace(found, shape=found.shape[:, inside], **kept)
+    kept = {name: getattr(modes, name)[inside] for name in names}
+    return replace(modes, shape=modes.shape[:, inside], **kept)
 
 
-def completed(found: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> FoundModes:
+def completed(modes: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> FoundModes:
     """Return modes ascending in frequency, with standard deviations and damping ratios where none are stated.
 
     Parameters
     ----------
-    found : FoundModes
+    modes : FoundModes
         The modes.
     std : ModesStd
         Relative standard deviations for those that have none; those that it lacks are the usual ones.
     unknown : float
         Relative standard deviation of what was not measured.
     """
-    order = np.argsort(found.frequency)
+    order = np.argsort(modes.frequency)
     relative = {
         key: getattr(std, key) if getattr(std, key) is not None else getattr(USUAL, key)
         for key in ("frequency", "damping", "shape")
     }
-    frequency, damping = found.frequency[order], found.damping[order]
+    frequency, damping = modes.frequency[order], modes.damping[order]
     known = ~np.isnan(damping)
     damping = np.where(known, damping, _DAMPING)
-    stated = [own[order] for own in (found.frequency_std, found.damping_std, found.shape_std)]
+    stated = [std_of[order] for std_of in (modes.frequency_std, modes.damping_std, modes.shape_std)]
     usual = np.where(known, relative["damping"], unknown) * damping
     return replace(
-        found,
+        modes,
         frequency=frequency,
         damping=damping,
         frequency_std=np.where(np.isnan(stated[0]), relative["frequency"] * frequency, stated[0]),
         damping_std=np.where(np.isnan(stated[1]) | ~known, usual, stated[1]),
-        shape=found.shape[:, order],
+        shape=modes.shape[:, order],
         shape_std=np.where(np.isnan(stated[2]), relative["shape"], stated[2]),
-        scaled=found.scaled[order],
+        scaled=modes.scaled[order],
     )
 
 
@@ -248,8 +248,8 @@ def _at(
     nowhere: int = 0,
 ) -> Dofs:
     """Return the DOF of a force as those of a model; nowhere, along z, where it is not known."""
-    own = Dof(nowhere, (0.0, 0.0, 1.0)) if force is None else force
-    return Dofs(node=np.array([own.node]), direction=np.array([own.direction]))
+    dof = Dof(nowhere, (0.0, 0.0, 1.0)) if force is None else force
+    return Dofs(node=np.array([dof.node]), direction=np.array([dof.direction]))
 
 
 def _covariance(known: FoundModes) -> NDArray[np.float64]:
@@ -270,14 +270,14 @@ def _force(configuration: Configuration) -> Dof | None:
     return next((dof for group in configuration.files for dof in group.input), None)
 
 
-def _require_listed(campaign: Campaign, found: FoundModes) -> None:
+def _require_listed(campaign: Campaign, modes: FoundModes) -> None:
     if campaign.points is None:
         return
-    absent = {int(n) for n in found.node} - {int(n) for n in campaign.geometry.node}
+    absent = {int(n) for n in modes.node} - {int(n) for n in campaign.geometry.node}
     absent -= set(campaign.without_coordinates)
     if absent:
         message = (
-            f"{found.source}: shapes at points {sorted(absent)[:20]}, which are not in {campaign.points}; add them "
+            f"{modes.source}: shapes at points {sorted(absent)[:20]}, which are not in {campaign.points}; add them "
             "there, or list them in points.without_coordinates"
         )
         raise MeasurementError(message)
@@ -300,9 +300,9 @@ def _read_note(files: tuple[Path, ...]) -> str:
     )
 
 
-def _std_notes(found: FoundModes, std: ModesStd) -> list[str]:
+def _std_notes(modes: FoundModes, std: ModesStd) -> list[str]:
     """Say which standard deviations neither the files nor the campaign state."""
-    own = {"frequency": found.frequency_std, "damping": found.damping_std, "shape": found.shape_std}
+    own = {"frequency": modes.frequency_std, "damping": modes.damping_std, "shape": modes.shape_std}
     usual = [
         f"{100.0 * getattr(USUAL, key):g} % of the {key}"
         for key, stated in own.items()

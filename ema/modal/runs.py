@@ -238,8 +238,8 @@ def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_
     text = f"by {change:+.2g} % from the first to the last"
     patterns.append(_Pattern(cause="drift", shift=slope * line, unknowns=1, text=text))
     if shift.shape[1] > 1:
-        own = np.sum(weight * shift, axis=1) / np.maximum(weight.sum(axis=1), 1e-300)
-        alike = np.broadcast_to(own[:, None], shift.shape)
+        mean = np.sum(weight * shift, axis=1) / np.maximum(weight.sum(axis=1), 1e-300)
+        alike = np.broadcast_to(mean[:, None], shift.shape)
         alike = alike - _over_runs(alike, weight)
         patterns.append(_Pattern(cause="all modes alike", shift=alike, unknowns=len(shift) - 1, text=""))
     return patterns
@@ -272,13 +272,13 @@ def _mass(
 
 
 def _cause(pattern: _Pattern) -> str:
-    told = {
+    causes = {
         "sensor mass": "the mass of the sensors does this, for shifts follow the square of the shape where they sit",
         "drift": "all modes drift with the order of the runs, as temperature or ageing moves them",
         "all modes alike": "all modes of a run move alike, as temperature or settling moves them",
         "scatter": "scatter between runs, which neither a sensor's mass nor a drift explains",
     }[pattern.cause]
-    return f"{told}: {pattern.text}" if pattern.text else told
+    return f"{causes}: {pattern.text}" if pattern.text else causes
 
 
 def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
@@ -289,10 +289,10 @@ def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
     if odd.size <= _EACH:
         modes = [
             ", ".join(
-                f"{frequency_text(modal_model.frequency[r], 1)} Hz by {100 * own[r]:+.3f} %"
+                f"{frequency_text(modal_model.frequency[r], 1)} Hz by {100 * of_run[r]:+.3f} %"
                 for r in np.flatnonzero(which)
             )
-            for own, which in zip(shift, differs[odd], strict=True)
+            for of_run, which in zip(shift, differs[odd], strict=True)
         ]
         if odd.size == 1:
             return f"run {numbers[0]} disagrees with the others: {modes[0]}"
@@ -341,10 +341,10 @@ def over_runs(
     changes : RunChanges
         How the runs differ.
     """
-    told = changes.cause == "sensor mass"
-    common = told and sensor_mass == 0.0 and modal_model.scaled.all()
+    by_mass = changes.cause == "sensor mass"
+    common = by_mass and sensor_mass == 0.0 and modal_model.scaled.all()
     known = modal_model.scaled & (sensor_mass > 0.0)
-    load = np.where(known, sensor_mass, np.nan if told else 0.0)
+    load = np.where(known, sensor_mass, np.nan if by_mass else 0.0)
     if not load.any():
         return modal_model if changes.cause == "none" else _medians(modal_model)
     modes, phase = roved(modal_model, run)

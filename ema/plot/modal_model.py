@@ -21,7 +21,7 @@ _ZOOM = 1.7  # axes leave much room about a body that is longer than high
 
 
 @html_of.register(ModalModel)
-def modal_model_html(own: ModalModel) -> str:
+def modal_model_html(model: ModalModel) -> str:
     """List the modes with frequency and damping ratio, each with its standard deviation."""
     rows = [
         (
@@ -33,27 +33,35 @@ def modal_model_html(own: ModalModel) -> str:
             "yes" if scaled else "no",
         )
         for r, (f, fs, x, xs, scaled) in enumerate(
-            zip(own.frequency, own.frequency_std, own.damping, own.damping_std, own.scaled, strict=True), 1
+            zip(
+                model.frequency,
+                model.frequency_std,
+                model.damping,
+                model.damping_std,
+                model.scaled,
+                strict=True,
+            ),
+            1,
         )
     ]
     return html_table(
-        f"{own.name}: {len(rows)} modes from {own.band[0]:g} to {own.band[1]:g} Hz at {own.node.size} DOFs",
+        f"{model.name}: {len(rows)} modes from {model.band[0]:g} to {model.band[1]:g} Hz at {model.node.size} DOFs",
         ("mode", "frequency [Hz]", "std [Hz]", "damping [%]", "std [%]", "mass-normalised"),
         rows,
     )
 
 
 @figure_of.register(ModalModel)
-def modal_model_figure(own: ModalModel) -> Figure:
+def modal_model_figure(model: ModalModel) -> Figure:
     """Draw all mode shapes as wireframes of the measured points over their places at rest."""
     from matplotlib.figure import Figure
 
-    n = own.frequency.size
+    n = model.frequency.size
     n_row = max(1, -(-n // _COLUMNS))
     figure = Figure(figsize=(3.2 * min(max(n, 1), _COLUMNS), 2.5 * n_row), layout="constrained")
     for mode in range(n):
         axes = figure.add_subplot(n_row, min(n, _COLUMNS), mode + 1, projection="3d")
-        draw_shape(axes, own, mode)
+        draw_shape(axes, model, mode)
         axes.set_axis_off()
         axes.set_box_aspect((4.0, 4.0, 3.0), zoom=_ZOOM)
     return figure

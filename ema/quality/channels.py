@@ -156,9 +156,9 @@ def _passed(findings: list[Verdict]) -> Iterator[Verdict]:
         "unit": "size and phase fit the units",
         "resolution": "resonances are resolved",
     }
-    found = {v.check for v in findings}
+    checks = {v.check for v in findings}
     for check, message in said.items():
-        if check not in found:
+        if check not in checks:
             yield Verdict(check=check, level="pass", channel=(), band=None, message=message)
 
 
@@ -467,8 +467,8 @@ def _spatial(
                 band=None,
                 message=f"{names} {what}; confirm, then correct it in the campaign file",
             )
-        told = [c for fault in faults if fault.kind == "sign" for c in fault.channel]
-        blind = undetectable_signs(frf, measurement.geometry, np.setdiff1d(direction, told), _BELIEVED)
+        turned = [c for fault in faults if fault.kind == "sign" for c in fault.channel]
+        blind = undetectable_signs(frf, measurement.geometry, np.setdiff1d(direction, turned), _BELIEVED)
         if blind.size:
             names = ", ".join(frf.output.name(int(c)) for c in blind[:6]) + (
                 ", ..." if blind.size > 6 else ""

@@ -90,8 +90,8 @@ def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
     edge = np.concatenate([modal_model.band[:1], middle, modal_model.band[1:]])
     left, held = np.zeros((2, *lines.value.shape[:2], edge.size - 1))
     for first in range(0, lines.frequency.size, _LINES):
-        own = lines.frequency[first : first + _LINES]
-        part = lines.band(own[0], own[-1]).convert(quantity)
+        block = lines.frequency[first : first + _LINES]
+        part = lines.band(block[0], block[-1]).convert(quantity)
         place = np.clip(np.searchsorted(edge, part.frequency, side="right") - 1, 0, edge.size - 2)
         of_band = (place[:, None] == np.arange(edge.size - 1)).astype(float)
         rest = part.value - synthesize_runs(modal_model, part.frequency, quantity, part.run)
@@ -166,8 +166,8 @@ def _peaks(
     # Peaks that are told one by one.
     most_told: int = 12,
 ) -> Iterator[Verdict]:
-    told, further = modal_model.unexplained[:most_told], modal_model.unexplained[most_told:]
-    for peak in told:
+    listed, further = modal_model.unexplained[:most_told], modal_model.unexplained[most_told:]
+    for peak in listed:
         names = _listed([channel[c] for c in peak.channel])
         beside = _beside(peak.frequency, modal_model)
         where = (
@@ -206,7 +206,7 @@ def _beside(
     """Return the frequency of the mode in whose resonance, of all runs or of some, a frequency lies; None of none."""
     pole = np.concatenate([modal_model.pole[None], modal_model.run_pole])
     half = -pole.real.min(axis=0) / (2.0 * np.pi)
-    lowest, highest = (own(np.abs(pole), axis=0) / (2.0 * np.pi) for own in (np.min, np.max))
+    lowest, highest = (extreme(np.abs(pole), axis=0) / (2.0 * np.pi) for extreme in (np.min, np.max))
     off = np.maximum(lowest - frequency, frequency - highest) / half
     return float(modal_model.frequency[np.argmin(off)]) if off.min(initial=np.inf) < beside else None
 

@@ -108,10 +108,10 @@ def check_linearity(
         The two share no output, or differ in force DOFs or frequency lines.
     """
     frf, other = (m.frf if band is None else m.frf.band(*band) for m in (first, second))
-    own, its = _common(frf, other)
+    rows, its = _common(frf, other)
     difference = (
         "outputs"
-        if not own.size
+        if not rows.size
         else "force DOFs"
         if not _same(frf.input, other.input)
         else "frequency lines"
@@ -126,7 +126,7 @@ def check_linearity(
         raise MeasurementError(message)
     highest = max(frf.quantity, other.quantity, key=lambda quantity: DERIVATIVE[quantity])
     frf, other = frf.convert(highest), other.convert(highest)
-    verdicts = tuple(_resonances(first.name, second.name, frf, own, other, its))
+    verdicts = tuple(_resonances(first.name, second.name, frf, rows, other, its))
     return verdicts or (_verdict("warn", f"{first.name} and {second.name}: no clear resonance to compare"),)
 
 
@@ -140,7 +140,7 @@ def _resonances(
     name: str,
     other_name: str,
     frf: FRF,
-    own: NDArray[np.int64],
+    rows: NDArray[np.int64],
     other: FRF,
     its: NDArray[np.int64],
     *,
@@ -149,18 +149,18 @@ def _resonances(
     least_height: float = 0.5,
 ) -> Iterator[Verdict]:
     clear, faint = peaks(other, its), peaks(other, its, _FAINT)
-    for peak in peaks(frf, own):
+    for peak in peaks(frf, rows):
         band = (peak.frequency - peak.bandwidth, peak.frequency + peak.bandwidth)
         label = f"{peak.frequency:.5g} Hz: from {name} to {other_name}"
         partner = _nearest(clear, peak) or _nearest(
-            [p for p in faint if _level(other, its, p) > least_height * _level(frf, own, peak)], peak
+            [p for p in faint if _level(other, its, p) > least_height * _level(frf, rows, peak)], peak
         )
         if partner is None:
             text = f"{label} the resonance is gone, or moves by more than {_SAME:g} bandwidths; that is not linear"
             yield _verdict("warn", text, band=band)
             continue
-        shift = (_centre(other, its, partner) - _centre(frf, own, peak)) / peak.bandwidth
-        before, after = _height(frf, own, peak), _height(other, its, partner, peak.bandwidth)
+        shift = (_centre(other, its, partner) - _centre(frf, rows, peak)) / peak.bandwidth
+        before, after = _height(frf, rows, peak), _height(other, its, partner, peak.bandwidth)
         strong = before > _STRONG * before.max()
         change = float(np.median(after[strong] / before[strong])) - 1
         odd = np.flatnonzero(strong & (np.abs(after / before - 1 - change) > tolerance))
@@ -173,11 +173,11 @@ def _resonances(
             yield _verdict("warn", f"{text}{NOT_LINEAR}", band=band)
         elif odd.size:
             listed = ", ".join(
-                f"{frf.output.name(int(own[c]))} by {100 * (after[c] / before[c] - 1):+.0f} %"
+                f"{frf.output.name(int(rows[c]))} by {100 * (after[c] / before[c] - 1):+.0f} %"
                 for c in odd[:6]
             )
             text = f"{text}, but that of {listed}{', ...' if odd.size > 6 else ''}: check these sensors"
-            yield _verdict("warn", text, tuple(int(own[c]) for c in odd), band)
+            yield _verdict("warn", text, tuple(int(rows[c]) for c in odd), band)
         else:
             yield _verdict("pass", text, band=band)
 
@@ -225,8 +225,8 @@ def _common(first: FRF, second: FRF) -> tuple[NDArray[np.int64], NDArray[np.int6
     """Positions of the outputs that both have, in either of them."""
     place = {key: c for c, key in enumerate(_keys(second.output))}
     pairs = [(c, place[key]) for c, key in enumerate(_keys(first.output)) if key in place]
-    own, its = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    return own, its
+    rows, its = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    return rows, its
 
 
 def _same(first: Dofs, second: Dofs) -> bool:

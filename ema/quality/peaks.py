@@ -49,11 +49,11 @@ def _lowest(level: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return for each point, (n,), the lowest one from it back to where the curve is higher than it."""
     lowest: list[float] = []
     stack: list[tuple[float, float]] = []  # heights that fall, each with the lowest point behind it
-    for own in level.tolist():
-        low = own
-        while stack and stack[-1][0] <= own:
+    for value in level.tolist():
+        low = value
+        while stack and stack[-1][0] <= value:
             low = min(low, stack.pop()[1])
-        stack.append((own, low))
+        stack.append((value, low))
         lowest.append(low)
     return np.array(lowest)
 
@@ -111,8 +111,8 @@ def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128], *
     size = (frequency.size - 2) // blocks
     if size < _FEWEST:
         return 0.0
-    difference = (np.abs(np.diff(own, 2))[: size * blocks].reshape(blocks, size) for own in value)
-    noise = np.array([np.median(own, axis=1) for own in difference])
+    difference = (np.abs(np.diff(one, 2))[: size * blocks].reshape(blocks, size) for one in value)
+    noise = np.array([np.median(one, axis=1) for one in difference])
     middle = frequency[1 : size * blocks + 1].reshape(blocks, size).mean(axis=1)
     if not noise.min() > 0.0:
         return 0.0
@@ -141,8 +141,8 @@ def whitest(
 
 def _even_at_the_start(frf: FRF, *, loud: float = 10.0) -> bool:
     """Whether the noise of the first lines is no larger than some times that of the others."""
-    difference = (np.abs(np.diff(own, 2)) for own in frf.value.reshape(-1, frf.frequency.size))
-    first, whole = np.array([(np.median(own[:_FEWEST]), np.median(own)) for own in difference]).T
+    difference = (np.abs(np.diff(one, 2)) for one in frf.value.reshape(-1, frf.frequency.size))
+    first, whole = np.array([(np.median(one[:_FEWEST]), np.median(one)) for one in difference]).T
     return bool(np.median(first) <= loud * np.median(whole))
 
 
@@ -211,7 +211,7 @@ def peaks(
     step = float(np.median(np.diff(frf.frequency)))
     lines, _ = find_peaks(10 * np.log10(power), prominence)
     wide = peak_widths(power, lines)
-    found = []
+    resonances = []
     for line, width in zip(lines, wide, strict=True):
         frequency, bandwidth = float(frf.frequency[line]), float(width * step)
         inverse = 1 / power[line - 1 : line + 2]
@@ -224,18 +224,18 @@ def peaks(
             least = inverse[1] - curvature * offset**2
             frequency += offset * step
             bandwidth = 2 * float(np.sqrt(max(least, 0.0) / curvature)) * step
-        found.append(Peak(frequency=frequency, bandwidth=max(bandwidth, 1e-3 * step), line=int(line)))
-    return found
+        resonances.append(Peak(frequency=frequency, bandwidth=max(bandwidth, 1e-3 * step), line=int(line)))
+    return resonances
 
 
-def residues(frf: FRF, channels: NDArray[np.int64], found: list[Peak]) -> Iterator[LocalFit]:
+def residues(frf: FRF, channels: NDArray[np.int64], resonances: list[Peak]) -> Iterator[LocalFit]:
     """Fit a mode beside a straight part to the lines around each of some peaks, those of a peak between others apart.
 
     All functions share the pole, so that a resonance that falls between two lines is seen from its flanks.
     """
     step = float(np.median(np.diff(frf.frequency)))
-    lines = np.array([peak.line for peak in found])
-    for peak in found:
+    lines = np.array([peak.line for peak in resonances])
+    for peak in resonances:
         reach = int(max(_REACH, np.ceil(2.0 * peak.bandwidth / step)))
         below, above = lines[lines < peak.line], lines[lines > peak.line]
         first = max(peak.line - reach, (peak.line + below.max(initial=-peak.line)) // 2 + 1, 0)

@@ -86,11 +86,13 @@ def phases(
         square, power = np.sum(around.residue**2).real, np.sum(np.abs(around.residue) ** 2)
         wrong.append(bool(expected * square < -in_phase * power))
         resolved.append(around.lines > fewest_lines)
-    told = np.array(wrong)[resolved] if any(resolved) else np.array(wrong)
-    if told.size < 2 or told.sum() <= 0.75 * told.size:
+    decided = np.array(wrong)[resolved] if any(resolved) else np.array(wrong)
+    if decided.size < 2 or decided.sum() <= 0.75 * decided.size:
         return
     other = "mobility" if expected < 0 else "accelerance or receptance"
-    text = f"given as {frf.quantity}, but {told.sum()} of {told.size} resonances have the phase of {other}"
+    text = (
+        f"given as {frf.quantity}, but {decided.sum()} of {decided.size} resonances have the phase of {other}"
+    )
     if np.count_nonzero(resolved) >= 2:
         yield Verdict(check="unit", level="fail", channel=(), band=None, message=text)
     else:
@@ -151,7 +153,7 @@ def turned_functions(
     """
     if channels.size < FEWEST_POINTS or frf.input.node.size == 1:
         return ()
-    found: dict[tuple[int, int], list[float]] = {}
+    signs: dict[tuple[int, int], list[float]] = {}
     fitting: set[int] = set()
     for peak in peaks(frf, channels, prominence):
         value = frf.value[channels, :, peak.line]
@@ -168,10 +170,10 @@ def turned_functions(
         fitting |= {int(channels[k]) for k in seen[whole > fits]}
         for k in np.flatnonzero((whole < contradicts) & (turned.max(axis=1) > fits)):
             which = int(channels[seen[k]]), int(turned[k].argmax())
-            found.setdefault(which, []).append(float(peak.frequency))
+            signs.setdefault(which, []).append(float(peak.frequency))
     return tuple(
         TurnedFunction(output=output, input=force, resonances=tuple(place))
-        for (output, force), place in found.items()
+        for (output, force), place in signs.items()
         if output not in fitting and len(place) >= FEWEST_RESONANCES
     )
 
@@ -240,17 +242,17 @@ def contradictions(
         Rise of the log-likelihood from which a fault is believed.
     """
     known = np.array([c for c in channels if frf.output.node[c] in geometry.node], dtype=np.int64)
-    found: list[Contradiction] = []
-    while known.size >= MIN_CHANNELS and len(found) < 4:
+    faults: list[Contradiction] = []
+    while known.size >= MIN_CHANNELS and len(faults) < 4:
         best = _clearest(frf, geometry, known)
         if best is None or best.gain < threshold:
             break
         if best.agreement < _AGREEMENT:
-            found.append(replace(best, kind="unexplained"))
+            faults.append(replace(best, kind="unexplained"))
             break
-        found.append(best)
+        faults.append(best)
         known = known[~np.isin(known, best.channel)]
-    return tuple(found)
+    return tuple(faults)
 
 
 def undetectable_signs(
@@ -309,7 +311,7 @@ def _turned_together(
     run more does not lessen, from the signs as they are and from those of its lowest eigenvector.
     """
     runs = (run == np.unique(run)[:, None]).astype(float)
-    found: dict[tuple[int, ...], tuple[FaultKind, tuple[int, ...], float]] = {}
+    faults: dict[tuple[int, ...], tuple[FaultKind, tuple[int, ...], float]] = {}
     for values, vectors in covariances:
         for noise in _SIGN_NOISES:
             coupling = ((vectors / (np.maximum(values, 0.0) + noise)) @ vectors.T) * gram
@@ -318,8 +320,8 @@ def _turned_together(
                 sign = _descended(coupling, start, runs)
                 turned = tuple(np.flatnonzero(sign * np.sign(sign.sum() or sign[0]) < 0.0).tolist())
                 if len(turned) > 1:
-                    found[turned] = ("sign", turned, -1.0)
-    return list(found.values())
+                    faults[turned] = ("sign", turned, -1.0)
+    return list(faults.values())
 
 
 def _descended(
@@ -410,8 +412,8 @@ def _hypotheses(
     total = coupling.sum()
     diagonal = np.diag(coupling)
     cross = coupling.sum(axis=1) - diagonal
-    found: list[tuple[FaultKind, tuple[int, ...], float]]
-    found = [("sign", (int(i),), -1.0) for i in np.argsort(total - 4 * cross)[:4]]
+    hypotheses: list[tuple[FaultKind, tuple[int, ...], float]]
+    hypotheses = [("sign", (int(i),), -1.0) for i in np.argsort(total - 4 * cross)[:4]]
     scale = []
     groups: list[tuple[int, ...]] = [(i,) for i in range(n)]
     groups += [
@@ -423,7 +425,7 @@ def _hypotheses(
         factor = _likeliest_factor(total, inside, across, n * r, r * len(members))
         rest = total + (factor**2 - 1) * inside + 2 * (factor - 1) * across
         scale.append((n * r * np.log(rest) - 2 * r * len(members) * np.log(factor), members, factor))
-    found += [("scale", members, factor) for _, members, factor in sorted(scale)[:4]]
+    hypotheses += [("scale", members, factor) for _, members, factor in sorted(scale)[:4]]
     swaps = []
     for i in range(n):
         for j in range(i + 1, n):
@@ -434,7 +436,7 @@ def _hypotheses(
             inside_old = coupling[np.ix_(pair, pair)].sum()
             inside_new = (fit.inverse[np.ix_(pair, pair)] * gram[np.ix_(turned, turned)]).sum()
             swaps.append((2 * (new - old) - (inside_new - inside_old), (i, j)))
-    return found + [("swapped", pair, 1.0) for _, pair in sorted(swaps)[:8]]
+    return hypotheses + [("swapped", pair, 1.0) for _, pair in sorted(swaps)[:8]]
 
 
 def _likeliest_factor(total: float, inside: float, across: float, nr: int, weight: int) -> float:

@@ -66,11 +66,11 @@ def formless(
     if steady.max() < _STEADY:
         return
     usual = float(np.median(steady[steady >= noise]))
-    for channel, own, width in zip(channels, steady, levels, strict=True):
-        if own < noise:
+    for channel, share, width in zip(channels, steady, levels, strict=True):
+        if share < noise:
             message = (
-                f"dead, its phase jumps from line to line as that of noise does (steadiness {own:.2f}, of the others "
-                f"{usual:.2f} in the median): unplugged, broken, or its response is below its noise"
+                f"dead, its phase jumps from line to line as that of noise does (steadiness {share:.2f}, "
+                f"of the others {usual:.2f} in the median): unplugged, broken, or its response is below its noise"
             )
             yield Formless(channel=int(channel), is_noise=True, message=message)
         elif width < flat and np.median(levels) > not_flat:
@@ -95,7 +95,7 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     channels : (n_channel,) int
         Outputs.
     """
-    found = []
+    shares = []
     for block in in_blocks(channels):
         value = frf.value[block]
         size = np.abs(value)
@@ -105,8 +105,8 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
             for part in np.array_split(unit, frf.frequency.size // _lines(frf), axis=2)
             for n in _APART
         ]
-        found.append(np.max(steady, axis=(0, 2)))
-    return np.concatenate(found)
+        shares.append(np.max(steady, axis=(0, 2)))
+    return np.concatenate(shares)
 
 
 def _lines(
@@ -121,13 +121,13 @@ def _lines(
 
 def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the range of levels over the lines of each output, of its functions the widest, dB: (n_channel,)."""
-    found = []
+    spans = []
     for block in in_blocks(channels):
         value = frf.value[block][..., frf.frequency > 0]
         level = 20 * np.log10(np.maximum(np.abs(value), np.finfo(float).tiny))
         low, high = np.percentile(level, _ENDS, axis=2)
-        found.append((high - low).max(axis=1))
-    return np.concatenate(found)
+        spans.append((high - low).max(axis=1))
+    return np.concatenate(spans)
 
 
 def content_digests(frf: FRF) -> tuple[str, ...]:
@@ -158,27 +158,31 @@ def repeated(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
             )
 
 
-def shared_functions(digests: Mapping[str, tuple[str, ...]], *, told: int = 3) -> tuple[str, ...]:
+def shared_functions(digests: Mapping[str, tuple[str, ...]], *, most: int = 3) -> tuple[str, ...]:
     """Say which configurations hold functions of another one.
 
     Parameters
     ----------
     digests : mapping of str to tuple of str
         Of each configuration the digests of its functions, see `content_digests`.
-    told : int
+    most : int
         That are told one by one.
     """
-    names, found = list(digests), []
+    names, sentences = list(digests), []
     for i, name in enumerate(names):
         for other in names[:i]:
             common = set(digests[name]) & set(digests[other])
             if common:
-                found.append(
+                sentences.append(
                     f"{other} and {name} share {len(common)} of {len(digests[name])} functions to the last digit: "
                     "files of one stand in the other, too, which is no second measurement"
                 )
-    more = [f"{len(found) - told} more pairs of configurations share functions"] if len(found) > told else []
-    return (*found[:told], *more)
+    more = (
+        [f"{len(sentences) - most} more pairs of configurations share functions"]
+        if len(sentences) > most
+        else []
+    )
+    return (*sentences[:most], *more)
 
 
 def _label(frf: FRF, channel: int) -> str:
@@ -211,11 +215,11 @@ def run_states(
         Share of the runs that must show as many: where bandwidths overlap, a few runs show the peaks that their
         sensors' places let stand out, and others show others.
     """
-    number, found = _resonances(frf, channels)
+    number, resonances = _resonances(frf, channels)
     if number.size < max(fewest_runs, most_of * np.unique(frf.run[channels]).size):
         return
     step = float(np.median(np.diff(frf.frequency)))
-    alike = np.array([[_alike(a, b, MIN_LINES * step) for b in found] for a in found])
+    alike = np.array([[_alike(a, b, MIN_LINES * step) for b in resonances] for a in resonances])
     first, second = np.unravel_index(int(np.argmin(alike)), alike.shape)
     of_second = alike[:, second] > alike[:, first]
     parts = (np.flatnonzero(~of_second), np.flatnonzero(of_second))
@@ -226,12 +230,13 @@ def run_states(
     if within < _WITHIN or between > _BETWEEN:
         return
     large, small = sorted(parts, key=lambda part: (-part.size, part[0]))
-    told = " and ".join(
-        f"runs {_listed(number[part])} (from {_source(frf, int(number[part[0]]))}) with peaks at {_peaks(found, part)}"
+    states = " and ".join(
+        f"runs {_listed(number[part])} (from {_source(frf, int(number[part[0]]))}) with peaks "
+        f"at {_peaks(resonances, part)}"
         for part in (large, small)
     )
     message = (
-        f"runs of two states of the structure: {told}. They share {100 * between:.0f} % of their peaks, among "
+        f"runs of two states of the structure: {states}. They share {100 * between:.0f} % of their peaks, among "
         "themselves runs share "
         f"{100 * within:.0f} % or more. Put each state into a configuration of its own, or take the files "
         "that belong here"
@@ -247,13 +252,13 @@ def _resonances(
     fewest_peaks: int = 3,
 ) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
     """Return the runs that show enough peaks, and of each their frequencies, Hz."""
-    numbers, found = [], []
+    numbers, resonances = [], []
     for run in np.unique(frf.run[channels]):
-        own = np.array([p.frequency for p in peaks(frf, channels[frf.run[channels] == run])])
-        if own.size >= fewest_peaks:
+        of_run = np.array([p.frequency for p in peaks(frf, channels[frf.run[channels] == run])])
+        if of_run.size >= fewest_peaks:
             numbers.append(int(run))
-            found.append(own)
-    return np.array(numbers, dtype=np.int64), found
+            resonances.append(of_run)
+    return np.array(numbers, dtype=np.int64), resonances
 
 
 def _alike(
@@ -285,7 +290,7 @@ def _source(frf: FRF, run: int) -> str:
     return frf.source[int(np.flatnonzero(frf.run == run)[0])]
 
 
-def _peaks(found: list[NDArray[np.float64]], part: NDArray[np.intp]) -> str:
+def _peaks(resonances: list[NDArray[np.float64]], part: NDArray[np.intp]) -> str:
     """Return the peaks of the run of a part that shows most."""
-    most = max((found[i] for i in part), key=len)
+    most = max((resonances[i] for i in part), key=len)
     return ", ".join(f"{f:.5g}" for f in most[:4]) + (", ... Hz" if most.size > 4 else " Hz")

@@ -122,17 +122,17 @@ class FRF:
 
     def _lines(self, keep: NDArray[np.bool_]) -> FRF:
         (at,) = np.nonzero(keep)
-        own: slice | NDArray[np.bool_] = keep
+        chosen: slice | NDArray[np.bool_] = keep
         if at.size and at[-1] - at[0] + 1 == at.size:
-            own = slice(int(at[0]), int(at[-1]) + 1)  # the same memory
+            chosen = slice(int(at[0]), int(at[-1]) + 1)  # the same memory
         return replace(
             self,
-            frequency=self.frequency[own],
-            value=frozen(self.value[..., own]),
-            coherence=None if self.coherence is None else self.coherence[..., own],
+            frequency=self.frequency[chosen],
+            value=frozen(self.value[..., chosen]),
+            coherence=None if self.coherence is None else self.coherence[..., chosen],
         )
 
 
 def place_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the number of each output, (n_output,), among those of its run, from 0."""
-    return np.array([np.count_nonzero(run[:i] == own) for i, own in enumerate(run)], dtype=np.int64)
+    return np.array([np.count_nonzero(run[:i] == number) for i, number in enumerate(run)], dtype=np.int64)

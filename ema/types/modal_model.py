@@ -206,10 +206,10 @@ class ModalModel(Shown):
         for name, (shape, dtype) in expected.items():
             object.__setattr__(self, name, readonly("ModalModel", name, getattr(self, name), shape, dtype))
         if self.run_outside_pole is not None:
-            own = readonly(
+            checked = readonly(
                 "ModalModel", "run_outside_pole", self.run_outside_pole, (n_run, n_outside), complex
             )
-            object.__setattr__(self, "run_outside_pole", own)
+            object.__setattr__(self, "run_outside_pole", checked)
 
     @property
     def free_pole(self) -> NDArray[np.complex128]:
@@ -291,8 +291,8 @@ def synthesize_runs(
             outside_pole=outside,
             outside_residue=modal_model.outside_residue * (modal_model.outside_pole.imag / outside.imag),
         )
-        own = run == number
-        value[own] = synthesize(moved, frequency, quantity)[own]
+        rows = run == number
+        value[rows] = synthesize(moved, frequency, quantity)[rows]
     return value
 
 
