@@ -175,14 +175,14 @@ def draft_file(drafted: Draft) -> DraftFile:
     where an identification can.
     """
     missing: list[str] = []
-    lines = ["[campaign]", f"name = {_toml(drafted.folder.resolve().name)}", "", "[structure]"]
+    lines = ["[campaign]", f"name = {as_toml(drafted.folder.resolve().name)}", "", "[structure]"]
     if drafted.stack is None:
         missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
         lines.append(
             '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
         )
     else:
-        lines.append(f"stack = {_toml(drafted.stack.name)}")
+        lines.append(f"stack = {as_toml(drafted.stack.name)}")
     lines += ["", "[points]", *_points(drafted, missing), *_measurement(drafted, missing)]
     for name, contents in drafted.configurations.items():
         lines += ["", *_configuration(drafted, name, contents, missing)]
@@ -220,7 +220,7 @@ def _points(drafted: Draft, missing: list[str]) -> list[str]:
             '# file = "points.csv"  # to be filled in: columns node,x,y,z with the origin in the centre of the stack',
             '# unit = "mm"          # to be filled in: unit of these coordinates',
         ]
-    lines = [f"file = {_toml(drafted.points.file.relative_to(drafted.folder).as_posix())}"]
+    lines = [f"file = {as_toml(drafted.points.file.relative_to(drafted.folder).as_posix())}"]
     if drafted.points.unit is not None:
         lines.append(f'unit = "{drafted.points.unit}"  # guessed: the points span {drafted.points.span:g}')
     absent = unlisted(drafted)
@@ -240,7 +240,7 @@ def _measurement(drafted: Draft, missing: list[str]) -> list[str]:
         if unit is None:
             comment = "to be filled in: such as (m/s2)/N, g/N or mm/N"
             missing.append(f"measurement.unit: {_asked_unit(drafted.contents)}")
-        lines.append(f"unit = {_toml(unit or UNKNOWN)}  # {comment}")
+        lines.append(f"unit = {as_toml(unit or UNKNOWN)}  # {comment}")
     for section in ("table", "variables"):
         described = [c for c in drafted.contents if c.section == section]
         if described:
@@ -271,7 +271,7 @@ def _asked_unit(contents: tuple[Contents, ...]) -> str:
 
 def _averaging(keys: dict[str, Guessed], missing: list[str]) -> Iterable[str]:
     for key, guessed in keys.items():
-        yield f"{key} = {_toml(guessed.value)}  # {guessed.comment}"
+        yield f"{key} = {as_toml(guessed.value)}  # {guessed.comment}"
         if guessed.value == UNKNOWN:
             meant = '"hann" for random excitation, "boxcar" for impacts or whole periods'
             missing.append(
@@ -291,21 +291,21 @@ def _section(section: str, described: list[Contents], missing: list[str]) -> Ite
             elif key == "phase_unit":
                 said = f"{next(g for g in described[0].guesses if g.startswith('the phase'))}; say deg or rad"
             missing.append(f"measurement.{section}.{key}: {said}")
-        yield f"{key} = {_toml(value)}{'  # to be filled in' if unknown else ''}"
+        yield f"{key} = {as_toml(value)}{'  # to be filled in' if unknown else ''}"
 
 
 def _configuration(
     drafted: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]
 ) -> Iterable[str]:
     yield "[[configuration]]"
-    yield f"name = {_toml(name)}"
+    yield f"name = {as_toml(name)}"
     yield '# compare_to = "NAME"   # of a changed state: the configuration before the change, or a list of its repeats'
     yield "# torque_Nm =           # to be filled in for fit and diagnose: bolt torque, or"
     yield "# pressure_kPa =        # the mean pressure between the sheets"
     if any(c.is_time for c in contents):
         yield from _histories(drafted, name, contents, missing)
         return
-    files = _toml(_patterns(drafted.folder, [c.file for c in contents]))
+    files = as_toml(_patterns(drafted.folder, [c.file for c in contents]))
     if _hammer_roves(contents):
         yield "[[configuration.run]]"
         yield f"files = {files}  # one run: the sensors stay while the hammer roves, nothing on the structure changes"
@@ -327,7 +327,7 @@ def _configuration(
                 f"{end} of configuration {name}: a DOF such as 12+z for each of {len(dofs)} FRFs, or one for all"
             )
             comment = f"  # to be filled in: one for each of {len(dofs)} FRFs in the order of the files, or one for all"
-        yield f"{end} = {_toml(_names(dofs))}{comment}"
+        yield f"{end} = {as_toml(_names(dofs))}{comment}"
 
 
 def _hammer_roves(contents: tuple[Contents, ...]) -> bool:
@@ -358,16 +358,17 @@ def _histories(
     for run in runs if together else [sets]:
         if together:
             yield "[[configuration.run]]"
-            yield f"files = {_toml(_of_sets(drafted, run))}  # guessed: blows that are averaged, by their names{beside}"
+            files_text = as_toml(_of_sets(drafted, run))
+            yield f"files = {files_text}  # guessed: blows that are averaged, by their names{beside}"
         else:
-            yield f"files = {_toml(_of_sets(drafted, run))}  # each is one run{beside}"
+            yield f"files = {as_toml(_of_sets(drafted, run))}  # each is one run{beside}"
             yield "# blows or blocks of one force and its sensors that are averaged are one [[configuration.run]]"
         pairs = [pair for files in (run[:1] if together else run) for pair in dofs_of(files, position)]
         for end, which in ends:
             if end in unknown:
                 yield f'# {end} = ["12+z"]  # to be filled in: one for all, or one for each of {len(pairs)} functions'
             else:
-                yield f"{end} = {_toml(_names([pair[which] for pair in pairs]))}  # guessed: by titles and file names"
+                yield f"{end} = {as_toml(_names([pair[which] for pair in pairs]))}  # guessed: by titles and file names"
 
 
 def _of_sets(drafted: Draft, sets: list[Set]) -> list[Any]:
@@ -403,6 +404,6 @@ def _patterns(folder: Path, files: list[Path]) -> list[str]:
     return names
 
 
-def _toml(value: Any) -> str:
+def as_toml(value: Any) -> str:
     """Return a text, number or list as TOML writes it, which is what JSON does, too."""
     return json.dumps(value, ensure_ascii=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 
 from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.draft import Draft, PointsFound, model_file
-from ema.campaign.draft_file import DraftFile
+from ema.campaign.draft_file import DraftFile, as_toml
 from ema.io.found_modes import is_table_of_modes, is_table_of_shapes
 from ema.io.modes_uff import holds
 from ema.io.sdynpy import is_shape_array
@@ -89,14 +88,14 @@ def draft_modes(folder: Path) -> ModesDraft | None:
 def modes_draft_file(drafted: ModesDraft) -> DraftFile:
     """Return the campaign file of a folder of modes, with "?" and comments where something is to be filled in."""
     points, missing = drafted.found, list[str]()
-    lines = ["[campaign]", f"name = {_toml(points.folder.resolve().name)}", "", "[structure]"]
+    lines = ["[campaign]", f"name = {as_toml(points.folder.resolve().name)}", "", "[structure]"]
     if points.stack is None:
         missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
         lines.append(
             '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
         )
     else:
-        lines.append(f"stack = {_toml(points.stack.name)}")
+        lines.append(f"stack = {as_toml(points.stack.name)}")
     lines += [
         "",
         "[points]",
@@ -114,9 +113,9 @@ def modes_draft_file(drafted: ModesDraft) -> DraftFile:
         lines += [
             "",
             "[[configuration]]",
-            f"name = {_toml(name)}",
+            f"name = {as_toml(name)}",
             'modes = "file"           # these files hold modes that another program identified',
-            f"files = {_toml(names)}",
+            f"files = {as_toml(names)}",
             '# input = "12+z"         # to be filled in for diagnose: where the force acted',
             "# torque_Nm =            # to be filled in for fit and diagnose: bolt torque, or",
             "# pressure_kPa =         # the mean pressure between the sheets",
@@ -139,7 +138,7 @@ def _points_lines(drafted: Draft, missing: list[str]) -> Iterator[str]:
         yield '# file = "points.csv"    # to be filled in: columns node,x,y,z, the origin in the centre of the stack'
         yield '# unit = "mm"            # to be filled in: unit of these coordinates'
         return
-    yield f"file = {_toml(drafted.points.file.relative_to(drafted.folder).as_posix())}"
+    yield f"file = {as_toml(drafted.points.file.relative_to(drafted.folder).as_posix())}"
     if drafted.points.unit is not None:
         yield f'unit = "{drafted.points.unit}"  # guessed: the points span {drafted.points.span:g}'
 
@@ -177,8 +176,3 @@ def _name(folder: Path, file: Path) -> str:
     return "_".join(
         inside[:-1] if len(inside) > 1 and inside[-1].casefold() in ("modes", "shapes") else inside
     )
-
-
-def _toml(value: object) -> str:
-    """Return a text or a list as TOML writes it, which is what JSON does, too."""
-    return json.dumps(value, ensure_ascii=False)

@@ -49,16 +49,18 @@ from ema.identification.selection import fit_chosen, select_modes, settled
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
 
-REACH, FEWEST_LINES = 40.0, 400
-"""Half bandwidths on each side of a pole that are its surroundings, and at least so many lines."""
-OWN = 4.0
-"""Half bandwidths around each pole that are left out, and at least `OWN_LINES` lines: what is left there is misfit."""
-OWN_LINES = 3
 AS_HIGH, SEVERAL = 0.8, 3
 """Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""
 
 
-def is_common(data: Functions, fit: Fit, *, left: float = 0.3) -> NDArray[np.bool_]:
+def is_common(
+    data: Functions,
+    fit: Fit,
+    *,
+    left: float = 0.3,
+    surroundings: tuple[float, int] = (40.0, 400),
+    flanks: tuple[float, int] = (4.0, 3),
+) -> NDArray[np.bool_]:
     """Whether what is left around each pole, ``(n_mode,)``, has several peaks that are as high as the pole itself.
 
     The measure of both is the generalised likelihood ratio of a line as wide as the pole's, its residues free. A pole
@@ -72,15 +74,19 @@ def is_common(data: Functions, fit: Fit, *, left: float = 0.3) -> NDArray[np.boo
         A fit of them.
     left : float
         Power that is left around a line over that of the modes there, from which on it is noise and not their misfit.
+    surroundings : (float, int)
+        Half bandwidths on each side of a pole that are its surroundings, and least number of lines.
+    flanks : (float, int)
+        Half bandwidths around each pole that are left out, and lines beyond these: what is left there is misfit.
     """
     frequency = data.frequency
     spacing = float(frequency[1] - frequency[0])
     place = (np.abs(fit.pole) / (2.0 * np.pi) - frequency[0]) / spacing
     half = -fit.pole.real / (2.0 * np.pi * spacing)
-    excluded = np.ceil(OWN * half) + OWN_LINES
+    excluded = np.ceil(flanks[0] * half) + flanks[1]
     common = np.zeros(fit.pole.size, dtype=bool)
     for r, (centre, width) in enumerate(zip(place, half, strict=True)):
-        reach = int(max(REACH * width, FEWEST_LINES))
+        reach = int(max(surroundings[0] * width, surroundings[1]))
         start, stop = max(0, int(centre) - reach), min(frequency.size, int(centre) + reach + 1)
         if not start <= centre < stop:
             continue  # beyond the band
@@ -320,10 +326,10 @@ def _fit_at_once(
     )
     if followed is not None:
         value = followed.value.reshape(frf.value.shape)
-        result = _told_of(
+        result = with_lost_peaks(
             frf, BandFit(value=value, fit=followed.fit, runs=followed.runs, left=followed.left), result, _LOST
         )
-    return _told_of(frf, _without_common(frf, result), result, _COMMON)
+    return with_lost_peaks(frf, _without_common(frf, result), result, _COMMON)
 
 
 def _amid_overlap(
@@ -379,7 +385,7 @@ def _left(data: Functions, fit: Fit) -> float:
     return float(rest.sum() / each.sum())
 
 
-def _told_of(frf: FRF, result: BandFit, before: BandFit, reason: str) -> BandFit:
+def with_lost_peaks(frf: FRF, result: BandFit, before: BandFit, reason: str) -> BandFit:
     """List the peaks that had a pole before, or were listed, and have none now."""
     data = _functions(replace(frf, value=result.value))
     earlier = _functions(replace(frf, value=before.value))

@@ -25,7 +25,7 @@ from ema.identification.maximum_likelihood import (
 from ema.identification.run_poles import RUNS_DIFFER, run_poles
 from ema.identification.stabilization import StabilizationDiagram
 from ema.quality.peaks import peaks
-from ema.quality.verdict import Verdict
+from ema.quality.verdict import Verdict, listing
 from ema.types.arrays import readonly
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.modal_model import ModalModel, frequency_text
@@ -37,7 +37,6 @@ FEWEST_FUNCTIONS, FEWEST_MODES = 3, 3
 """Functions that tell phases from chance, and modes that tell what damping is usual."""
 NOISE = 0.1
 """Share of the squared residues of a mode that may be noise where something is said of their phases."""
-_LISTED = 4
 
 
 def check_modes(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
@@ -68,7 +67,7 @@ def _background(modal_model: ModalModel) -> tuple[str, str]:
     hertz, damping = np.abs(pole) / (2.0 * np.pi), -pole.real / np.abs(pole)
     kept = (hertz > lower) & (hertz < upper) & (damping > MAX_DAMPING)
     listed = [f"{f:.4g} Hz ({100 * x:.0f} %)" for f, x in zip(hertz[kept], damping[kept], strict=True)]
-    text = f"damped too much for a resonance is what was fitted at {_joined(listed)}: it stands for the background"
+    text = f"damped too much for a resonance is what was fitted at {listing(listed)}: it stands for the background"
     return "background", text if listed else ""
 
 
@@ -77,7 +76,7 @@ def _overlap(modal_model: ModalModel) -> tuple[str, str]:
     poles = modal_model.outside_pole[resonant(modal_model.outside_pole, modal_model.band)]
     listed = [f"{f:.4g} Hz" for f in np.sort(np.abs(poles)) / (2.0 * np.pi)]
     text = (
-        f"modes overlap so much that not all are told apart: what was fitted at {_joined(listed)} has not the phases "
+        f"modes overlap so much that not all are told apart: what was fitted at {listing(listed)} has not the phases "
         "of a mode and is no result; forces at more points tell more"
     )
     return "overlap", text if listed else ""
@@ -89,7 +88,7 @@ def _damping(modal_model: ModalModel) -> tuple[str, str]:
         f"{f:.5g} Hz ({100 * x:.2g} ± {100 * s:.2g} %)" for f, x, s in zip(*columns, strict=True) if s >= x
     ]
     text = (
-        f"the data do not determine the damping at {_joined(listed)}: where no peak is seen, this is no mode"
+        f"the data do not determine the damping at {listing(listed)}: where no peak is seen, this is no mode"
     )
     return "damping", text if listed else ""
 
@@ -116,7 +115,7 @@ def _broad(
         place, half = modal_model.frequency[r], damping[r] * modal_model.frequency[r]
         if not any(abs(p.frequency - place) < half and p.bandwidth > share * 2.0 * half for p in seen):
             listed.append(f"{place:.5g} Hz ({100 * damping[r]:.0f} %, others {100 * usual[r]:.2g} %)")
-    text = f"no peak is seen at {_joined(listed)}: so broad, it may stand for the background and be no mode"
+    text = f"no peak is seen at {listing(listed)}: so broad, it may stand for the background and be no mode"
     return "broad", text if listed else ""
 
 
@@ -135,13 +134,13 @@ def _phases(modal_model: ModalModel) -> Iterator[tuple[str, str]]:
     if turned:
         yield (
             "phases",
-            f"the residues at {_joined(turned)} are alike among points, but turned against the force, as by "
+            f"the residues at {listing(turned)} are alike among points, but turned against the force, as by "
             "cross-talk, filters, or a force that is not where it is stated",
         )
     if apart:
         yield (
             "phases",
-            f"the residues at {_joined(apart)} have no phase in common (collinearity in brackets): these shapes are "
+            f"the residues at {listing(apart)} have no phase in common (collinearity in brackets): these shapes are "
             "complex, as of two close modes in one",
         )
 
@@ -157,10 +156,6 @@ def _of_constants(
     angle = float(np.degrees(abs(np.angle(square)) / 2.0))
     realness = (np.sum(constant.real**2) - 0.5 * noise) / (power - noise)
     return min(1.0, (abs(square) / (power - noise)) ** 2), float(realness), angle
-
-
-def _joined(listed: list[str]) -> str:
-    return ", ".join(listed[:_LISTED]) + (", ..." if len(listed) > _LISTED else "")
 
 
 @single_threaded
@@ -228,7 +223,7 @@ def _verdict(differing: list[str], changed: bool) -> Verdict:
     if not differing:
         text = "forces at all points find the same frequencies"
         return Verdict(check="references", level="pass", channel=(), band=None, message=text)
-    listed = "; ".join(differing[:_LISTED]) + ("; ..." if len(differing) > _LISTED else "")
+    listed = listing(differing, separator="; ")
     text = f"frequencies differ from force to force: {listed}: "
     if changed:
         text += "the structure changed between these tests; identify each in a configuration of its own"

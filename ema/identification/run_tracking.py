@@ -26,8 +26,6 @@ from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
 
 _LOG = logging.getLogger(__name__)
-REACH = 0.06
-"""Largest share by which a mode of one run may be off the median of the others."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -196,12 +194,17 @@ def linked(
     return track
 
 
-def _pairs(of_run: NDArray[np.float64], centre: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Assign logarithms of frequencies to those of tracks, none beyond reach."""
+def _pairs(
+    of_run: NDArray[np.float64], centre: NDArray[np.float64], *, reach: float = 0.06
+) -> list[tuple[int, int]]:
+    """Assign logarithms of frequencies to those of tracks, none beyond reach.
+
+    The reach is the largest share by which a mode of one run may be off the median of the others.
+    """
     square = (of_run[:, None] - centre) ** 2
-    cost = np.where(square < REACH**2, square, 10.0 * REACH**2)
+    cost = np.where(square < reach**2, square, 10.0 * reach**2)
     row, column = scipy.optimize.linear_sum_assignment(cost)
-    return [(int(i), int(t)) for i, t in zip(row, column, strict=True) if square[i, t] < REACH**2]
+    return [(int(i), int(t)) for i, t in zip(row, column, strict=True) if square[i, t] < reach**2]
 
 
 def _centre(track: NDArray[np.complex128]) -> NDArray[np.complex128]:

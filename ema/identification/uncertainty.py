@@ -22,7 +22,7 @@ what is found:
 | 4.3 | 0.08 | 0.08 | 0.00 |
 
 The mean square over the three is that of 0.4 to 0.6 lines below two lines, and of 0.3 at three. Frequencies are off by
-no more than 0.001 lines. `tests/unit/test_resolution.py` repeats it.
+no more than 0.001 lines. `tests/unit/test_uncertainty.py` repeats it.
 """
 
 from __future__ import annotations
@@ -38,8 +38,6 @@ from ema.identification.maximum_likelihood import Fit
 from ema.quality.peaks import MIN_LINES
 from ema.types.modal_model import ModalModel
 
-_REACH = 4.0
-"""Half bandwidths around a pole from which its noise is taken."""
 _TWO_SIDED = 0.975
 
 
@@ -200,13 +198,14 @@ def _window(
     frequency: NDArray[np.float64],
     pole: complex,
     *,
-    # Lines on each side.
+    # Half bandwidths around a pole, and lines on each side at least.
+    half_bandwidths: float = 4.0,
     fewest: int = 8,
 ) -> slice:
     """Lines around a pole that its noise is taken from."""
     spacing = frequency[1] - frequency[0]
     centre = (pole.imag / (2.0 * np.pi) - frequency[0]) / spacing
-    reach = max(_REACH * -pole.real / (2.0 * np.pi * spacing), fewest)
+    reach = max(half_bandwidths * -pole.real / (2.0 * np.pi * spacing), fewest)
     start = int(np.clip(centre - reach, 0, max(frequency.size - 2 * fewest, 0)))
     return slice(start, int(np.clip(centre + reach + 1, start + 2 * fewest, frequency.size)))
 

@@ -139,7 +139,7 @@ def factor_text(
 
 _MORE = 1.02  # ratio of two pressures or torques from which one is more
 _PHASE = np.pi / 4.0
-_FEWEST_DOFS = 3
+_FEWEST_PER_SENSOR = 3
 
 
 def contradicted(
@@ -286,7 +286,7 @@ def _sensor_changed(
             continue
         one, other, sensor = constants
         number = int(sensor.max()) + 1
-        if number == 1 or np.bincount(sensor).min() < _FEWEST_DOFS:
+        if number == 1 or np.bincount(sensor).min() < _FEWEST_PER_SENSOR:
             continue
         for own in range(1 if number == 2 else 0, number):  # of two, one beside the other says all
             change = np.log(np.abs(_ratio(one, other, sensor == own) / _ratio(one, other, sensor != own)))
@@ -335,7 +335,7 @@ def _constants(
         [(i, place[key]) for i, key in enumerate(keys[0]) if key in place], dtype=np.int64
     ).reshape(-1, 2)
     common = np.flatnonzero(np.isfinite(frequency).all(axis=0))
-    if len(rows) < _FEWEST_DOFS or not common.size:
+    if len(rows) < _FEWEST_PER_SENSOR or not common.size:
         return None
     constant = []
     for model, at, row in ((first, frequency[0], rows[:, 0]), (other, frequency[1], rows[:, 1])):

@@ -23,7 +23,7 @@ from ema.quality.spatial_consistency import (
     turned_functions,
     undetectable_signs,
 )
-from ema.quality.structure import formless, repeated, run_states
+from ema.quality.structure import channel_label, formless, repeated, run_states
 from ema.quality.verdict import Verdict
 from ema.types.arrays import in_blocks, inner_products
 from ema.types.errors import MeasurementError
@@ -118,23 +118,19 @@ def _sound(frf: FRF, findings: list[Verdict]) -> NDArray[np.int64]:
     return np.array([c for c in range(frf.output.node.size) if c not in failed], dtype=np.int64)
 
 
-def _label(frf: FRF, channel: int) -> str:
-    return f"{frf.output.name(channel)} (run {frf.run[channel] + 1}, {frf.source[channel]})"
-
-
 def _names(frf: FRF, channels: tuple[int, ...]) -> str:
     """Name some channels; all of some runs by these, as a force that was turned turns them."""
     runs = np.unique(frf.run[list(channels)])
     if len(channels) > 1 and np.isin(frf.run, runs).sum() == len(channels):
         numbers = ", ".join(str(k + 1) for k in runs)
         return f"all functions of run{'s' * (runs.size > 1)} {numbers}"
-    return " and ".join(_label(frf, c) for c in channels)
+    return " and ".join(channel_label(frf, c) for c in channels)
 
 
 def _verdict(
     frf: FRF, check: str, level: str, channel: int, message: str, band: tuple[float, float] | None = None
 ) -> Verdict:
-    text = f"{_label(frf, channel)}: {message}"
+    text = f"{channel_label(frf, channel)}: {message}"
     return Verdict(check=check, level=level, channel=(channel,), band=band, message=text)  # type: ignore[arg-type]
 
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.quality.peaks import whitest
-from ema.quality.verdict import Verdict
+from ema.quality.verdict import Verdict, listing
 from ema.types.arrays import readonly
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel, synthesize_runs
 
-_LINES = 1024  # that are compared at a time: all functions may be large
+_AT_ONCE = 1024  # that are compared at a time: all functions may be large
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,8 +89,8 @@ def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
     middle = 0.5 * (modal_model.frequency[1:] + modal_model.frequency[:-1])
     edge = np.concatenate([modal_model.band[:1], middle, modal_model.band[1:]])
     left, held = np.zeros((2, *lines.value.shape[:2], edge.size - 1))
-    for first in range(0, lines.frequency.size, _LINES):
-        block = lines.frequency[first : first + _LINES]
+    for first in range(0, lines.frequency.size, _AT_ONCE):
+        block = lines.frequency[first : first + _AT_ONCE]
         part = lines.band(block[0], block[-1]).convert(quantity)
         place = np.clip(np.searchsorted(edge, part.frequency, side="right") - 1, 0, edge.size - 2)
         of_band = (place[:, None] == np.arange(edge.size - 1)).astype(float)
@@ -140,11 +140,11 @@ def _whole(
     text = f"the modes explain {mean:.3f} of the measured power{counted} in the mean over the channels"
     poor = np.flatnonzero(explained.whole < warn)
     if poor.size:
-        text += f"; {_listed([f'{explained.channel[c]} {explained.whole[c]:.2f}' for c in poor])}"
+        text += f"; {listing([f'{explained.channel[c]} {explained.whole[c]:.2f}' for c in poor], 6)}"
     around, edge = explained.around, explained.edge
     weak = [k for k in np.argsort(around) if around[k] < warn]
     bands = [f"{edge[k]:.5g}-{edge[k + 1]:.5g} Hz {around[k]:.2f}" for k in weak]
-    text += f"; least in {_listed(bands)}" if bands else ""
+    text += f"; least in {listing(bands, 6)}" if bands else ""
     if mean >= warn and not weak:
         return Verdict(check="explained", level="pass", channel=(), band=None, message=text)
     if mean >= warn:
@@ -168,7 +168,7 @@ def _peaks(
 ) -> Iterator[Verdict]:
     listed, further = modal_model.unexplained[:most_told], modal_model.unexplained[most_told:]
     for peak in listed:
-        names = _listed([channel[c] for c in peak.channel])
+        names = listing([channel[c] for c in peak.channel], 6)
         beside = _beside(peak.frequency, modal_model)
         where = (
             "that no mode was found for"
@@ -209,7 +209,3 @@ def _beside(
     lowest, highest = (extreme(np.abs(pole), axis=0) / (2.0 * np.pi) for extreme in (np.min, np.max))
     off = np.maximum(lowest - frequency, frequency - highest) / half
     return float(modal_model.frequency[np.argmin(off)]) if off.min(initial=np.inf) < beside else None
-
-
-def _listed(names: list[str], *, listed: int = 6) -> str:
-    return ", ".join(names[:listed]) + (", ..." if len(names) > listed else "")

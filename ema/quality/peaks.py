@@ -150,8 +150,6 @@ MIN_LINES = 4.0
 """Fewer lines in a half-power bandwidth do not show a resonance well."""
 CLEAR = 10.0
 """Prominence of a clear resonance over the valleys beside it, dB."""
-_REACH = 8
-"""Lines on each side of a peak, and at least twice its bandwidth, on which its residues are fitted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,15 +226,18 @@ def peaks(
     return resonances
 
 
-def residues(frf: FRF, channels: NDArray[np.int64], resonances: list[Peak]) -> Iterator[LocalFit]:
+def residues(
+    frf: FRF, channels: NDArray[np.int64], resonances: list[Peak], *, fewest_lines: int = 8
+) -> Iterator[LocalFit]:
     """Fit a mode beside a straight part to the lines around each of some peaks, those of a peak between others apart.
 
-    All functions share the pole, so that a resonance that falls between two lines is seen from its flanks.
+    All functions share the pole, so that a resonance that falls between two lines is seen from its flanks. On each
+    side it is fitted to as many lines as twice the bandwidth holds, and `fewest_lines` at least.
     """
     step = float(np.median(np.diff(frf.frequency)))
     lines = np.array([peak.line for peak in resonances])
     for peak in resonances:
-        reach = int(max(_REACH, np.ceil(2.0 * peak.bandwidth / step)))
+        reach = int(max(fewest_lines, np.ceil(2.0 * peak.bandwidth / step)))
         below, above = lines[lines < peak.line], lines[lines > peak.line]
         first = max(peak.line - reach, (peak.line + below.max(initial=-peak.line)) // 2 + 1, 0)
         last = min(peak.line + reach, (peak.line + above.min(initial=2 * frf.frequency.size)) // 2 - 1)

@@ -19,7 +19,7 @@ from ema.quality.verdict import Verdict
 from ema.types.arrays import in_blocks
 from ema.types.frf import FRF
 
-FEWEST_LINES = 64
+LINES_OF_A_FUNCTION = 64
 """Fewer lines do not tell noise from a function."""
 _APART = (8, 13)
 """Lines, of which noise shares nothing even where a window has smeared it over its neighbours."""
@@ -52,7 +52,7 @@ def formless(
     flat, not_flat : float
         Range of levels, dB, of an output without a resonance, and of the usual one beside which it is told.
     """
-    if frf.frequency.size < FEWEST_LINES or not channels.size:
+    if frf.frequency.size < LINES_OF_A_FUNCTION or not channels.size:
         return
     steady, levels = steadiness(frf, channels), span(frf, channels)
     noise = min(_NOISE / np.sqrt(_lines(frf) - max(_APART)), _MOST)
@@ -91,7 +91,7 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     Parameters
     ----------
     frf : FRF
-        At least `FEWEST_LINES` lines.
+        At least `LINES_OF_A_FUNCTION` lines.
     channels : (n_channel,) int
         Outputs.
     """
@@ -116,7 +116,7 @@ def _lines(
     parts: int = 8,
 ) -> int:
     """Return how many lines a part of the band has."""
-    return max(FEWEST_LINES, frf.frequency.size // parts)
+    return max(LINES_OF_A_FUNCTION, frf.frequency.size // parts)
 
 
 def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -149,7 +149,7 @@ def repeated(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
     for channel in channels:
         before = first.setdefault(digest[channel], int(channel))
         if before != channel:
-            both = f"{_label(frf, before)} and {_label(frf, int(channel))}"
+            both = f"{channel_label(frf, before)} and {channel_label(frf, int(channel))}"
             message = (
                 f"{both} hold the same values to the last digit: one is a copy of the other's file or column"
             )
@@ -185,7 +185,8 @@ def shared_functions(digests: Mapping[str, tuple[str, ...]], *, most: int = 3) -
     return (*sentences[:most], *more)
 
 
-def _label(frf: FRF, channel: int) -> str:
+def channel_label(frf: FRF, channel: int) -> str:
+    """Return the DOF of a channel with its run and file."""
     return f"{frf.output.name(channel)} (run {frf.run[channel] + 1}, {frf.source[channel]})"
 
 

@@ -41,6 +41,11 @@ class Verdict:
     point: tuple[int, ...] = ()
 
 
+def listing(names: Sequence[str], most: int = 4, separator: str = ", ") -> str:
+    """Return some names in one text, of many the first ones."""
+    return separator.join(names[:most]) + (f"{separator}..." if len(names) > most else "")
+
+
 def at_points(verdicts: Sequence[Verdict], output: Dofs) -> tuple[Verdict, ...]:
     """Return verdicts with the points of the outputs that they are about, whose positions are those in `output`."""
     return tuple(replace(v, point=tuple(int(output.node[c]) for c in v.channel)) for v in verdicts)

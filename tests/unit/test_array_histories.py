@@ -1,14 +1,18 @@
-"""Time histories in arrays of MATLAB, HDF5, NumPy and TDMS files, and in files side by side: as those of text files."""
+"""Time histories in arrays of MATLAB, HDF5, NumPy and TDMS files, and in files side by side: as those of text files.
+
+Sound files: rate, calibration, and what is wrong with them.
+"""
 
 import h5py
 import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
-from scipy.io import savemat
+from scipy.io import savemat, wavfile
 
+import ema
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
-from ema.io.array_histories import read_histories
+from ema.io.array_histories import read_histories, read_wav
 from ema.io.guess_variables import pulse_share
 from ema.io.measured_function import is_uneven, rate_of_rounded
 from ema.io.table import TableLayout, read_table
@@ -407,3 +411,56 @@ def test_times_that_are_none_are_uneven(time):
 
 def test_a_record_that_is_not_finite_has_no_pulse():
     assert pulse_share(np.array([[0.0, np.inf, 0.0], [-np.inf, np.inf, 0.0]])).tolist() == [1.0, 1.0]
+
+
+SOUND_RATE = 2560
+
+
+@pytest.mark.parametrize(
+    ("kind", "full", "middle"),
+    [("int16", 2**15, 0), ("int32", 2**31, 0), ("uint8", 2**7, 2**7), ("float32", 1.0, 0)],
+)
+def test_samples_come_in_the_stated_unit_at_the_rate_of_the_header(tmp_path, kind, full, middle):
+    share = np.column_stack([0.5 * np.sin(np.arange(400.0)), np.full(400, -0.25)])
+    wavfile.write(tmp_path / "a.wav", SOUND_RATE, (share * full + middle).astype(kind))
+    force, response = read_wav(tmp_path / "a.wav", (500.0, 100.0))
+    assert force.abscissa[1] == 1.0 / SOUND_RATE
+    np.testing.assert_allclose(force.value, 500.0 * share[:, 0], atol=500.0 / 127)
+    np.testing.assert_allclose(response.value, -25.0, atol=100.0 / 127)
+    both = read_wav(tmp_path / "a.wav", (2.0,))
+    np.testing.assert_allclose(both[1].value, -0.5, atol=2.0 / 127)
+
+
+def test_wrong_sound_files_say_what_and_where(tmp_path):
+    path = tmp_path / "a.wav"
+    wavfile.write(path, SOUND_RATE, np.zeros((400, 2), np.int16))
+    with pytest.raises(ema.MeasurementError, match=r"a.wav: has 2 channels, and 'full_scale' .* 3 numbers"):
+        read_wav(path, (1.0, 2.0, 3.0))
+    path.write_bytes(path.read_bytes()[:700])
+    with pytest.raises(ema.MeasurementError, match="cannot be read as a WAV file"):
+        read_wav(path, (1.0,))
+    path.write_text("no sound")
+    with pytest.raises(ema.MeasurementError, match="cannot be read as a WAV file"):
+        read_wav(path, (1.0,))
+
+
+@pytest.mark.parametrize("keys", ["", "full_scale = 5\n", '[measurement.time]\nwindow = "boxcar"\n'])
+def test_a_campaign_of_sound_files_asks_for_its_calibration(tmp_path, keys):
+    (tmp_path / "points.csv").write_text("node,x,y,z\n1,0,0,0\n")
+    wavfile.write(tmp_path / "a.wav", SOUND_RATE, np.zeros((400, 2), np.int16))
+    (tmp_path / "campaign.toml").write_text(
+        f"""
+[campaign]
+name = "sound"
+[points]
+file = "points.csv"
+unit = "mm"
+[measurement]
+{keys}
+[[configuration]]
+name = "M1"
+files = ["a.wav"]
+"""
+    )
+    with pytest.raises(ema.CampaignError, match=r"sound files \(.wav\) .* need 'full_scale'"):
+        ema.read_campaign(tmp_path / "campaign.toml")

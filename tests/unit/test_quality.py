@@ -1,14 +1,24 @@
-"""Each verdict is given where its cause is, with channel and band, and not elsewhere."""
+"""Each verdict is given where its cause is, with channel and band, and not elsewhere.
 
+Every check has a name and a sentence, in the report and in the documents.
+
+Peaks are those that SciPy finds.
+"""
+
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from ema.campaign.campaign import Configuration
 from ema.campaign.measurement import Measurement
 from ema.identification.identify import identify_frf
-from ema.quality.channels import check, usable
+from ema.quality.channels import _passed, check, usable
+from ema.quality.peaks import find_peaks, peak_widths
+from ema.quality.verdict import CHECKS, label, meaning
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
@@ -346,3 +356,48 @@ def test_a_driving_point_that_is_late_is_not_of_the_wrong_sign(samples):
     ]
     assert ("driving point", "warn") in {(v.check, v.level) for v in told}
     assert not any("of the wrong sign" in v.message for v in told)
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_every_check_that_the_source_names_has_a_name_and_a_sentence():
+    named = {verdict.check for verdict in _passed([])}
+    for file in (ROOT / "ema" / "quality").glob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        named |= set(re.findall(r'check="([a-z ]+)"', text))
+        named |= set(re.findall(r'_verdict\(frf, "([a-z ]+)"', text))
+    assert len(named) > 15
+    assert named <= CHECKS.keys()
+    for key in named:
+        assert label(key)
+        assert meaning(key).endswith(".")
+    assert label("a new one") == "a new one"
+
+
+def test_the_documents_explain_every_check():
+    text = (ROOT / "docs" / "own_test.md").read_text(encoding="utf-8")
+    for key, (name, sentence) in CHECKS.items():
+        assert f"| {name} | {key} | {sentence} |" in text
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("digits", [0, 1, 9])  # rounded, it has flat tops and equal heights
+def test_peaks_are_those_of_scipy(seed, digits):
+    rng = np.random.default_rng(seed)
+    level = np.round(np.cumsum(rng.standard_normal(700)) + 3 * rng.standard_normal(700), digits)
+    lines, prominence = find_peaks(level, 2.0)
+    right, properties = signal.find_peaks(level, prominence=2.0)
+    np.testing.assert_array_equal(lines, right)
+    np.testing.assert_array_equal(prominence, properties["prominences"])
+    np.testing.assert_allclose(peak_widths(level, lines), signal.peak_widths(level, right, rel_height=0.5)[0])
+
+
+@pytest.mark.parametrize(
+    "level", [[], [1.0], [1.0, 2.0], [1.0, 1.0, 1.0], [3.0, 2.0, 1.0], [0.0, 1.0, 0.0], [0.0, 2.0, 2.0]]
+)
+def test_short_curves(level):
+    level = np.array(level)
+    lines, _ = find_peaks(level, 0.5)
+    np.testing.assert_array_equal(lines, signal.find_peaks(level, prominence=0.5)[0])
+    assert peak_widths(level, lines).size == lines.size

@@ -1,10 +1,14 @@
-"""Runs that differ, and a mode beside another one that only makes them seem to."""
+"""Runs that differ, and a mode beside another one that only makes them seem to.
+
+The scatter between runs and what it makes of the interval of their mean.
+"""
 
 import numpy as np
 import pytest
 
 from ema.identification.functions import Functions
 from ema.identification.run_poles import moves_from_run_to_run
+from ema.modal.runs import run_scatter, std_with_scatter
 
 N_RUN, SENSORS = 8, 2
 RUN = np.repeat(np.arange(N_RUN), SENSORS)
@@ -54,3 +58,31 @@ def test_a_mode_that_moves_is_told_from_one_beside_it():
     fit = data.linear_fit(true.mean(axis=0))
     assert moves_from_run_to_run(data, fit, 0, NONE)[0]
     assert moves_from_run_to_run(data, fit, 1, NONE) == (False, None)
+
+
+def test_runs_that_agree_within_their_noise_do_not_scatter():
+    value = np.array([[1.0], [1.01], [0.99]])
+    assert run_scatter(value, np.full((3, 1), 0.1)) == [0.0]
+    assert run_scatter(value, np.full((3, 1), np.inf)) == [0.0]
+
+
+def test_scatter_is_what_noise_does_not_explain():
+    rng = np.random.default_rng(0)
+    std = rng.uniform(0.01, 0.1, (2000, 1))
+    value = 5.0 + 0.2 * rng.standard_normal(std.shape) + std * rng.standard_normal(std.shape)
+    np.testing.assert_allclose(run_scatter(value, std), 0.2, rtol=0.05)
+
+
+def test_intervals_of_few_runs_hold():
+    rng = np.random.default_rng(1)
+    std = np.full((5, 4000), 0.1)
+    value = 0.3 * rng.standard_normal(std.shape) + std * rng.standard_normal(std.shape)
+    scatter = run_scatter(value, std)
+    mean = np.average(value, axis=0, weights=1.0 / (std**2 + scatter**2))
+    held = np.mean(np.abs(mean) < 1.96 * std_with_scatter(std[0] / np.sqrt(5), std, scatter))
+    assert 0.92 < held < 0.97  # 0.50 by the noise alone
+
+
+def test_modes_that_no_run_determines_keep_their_intervals():
+    none = np.full((3, 1), np.inf)
+    assert std_with_scatter(np.array([0.2]), none, np.zeros(1)) == [0.2]

@@ -1,11 +1,16 @@
-"""What configurations state beside what they show: copies, pressures, torques, and the scale of all functions."""
+"""What configurations state beside what they show: copies, pressures, torques, and the scale of all functions.
+
+Repeats of one condition are compared, and their scatter is told beside what the intervals say.
+
+References and repeats in a campaign file: what is refused, and what a file without fault gives.
+"""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from ema.modal.comparison import Comparison
+from ema import CampaignError, Comparison, Configuration, read_campaign, repeats
 from ema.modal.configurations import contradicted, factor_text
 from ema.quality.structure import content_digests, shared_functions
 from ema.types.geometry import Dofs
@@ -121,3 +126,91 @@ def test_configurations_that_share_functions_are_named():
         "M2 and M3 share 1 of 3 functions to the last digit: files of one stand in the other, too, which is no second "
         "measurement",
     )
+
+
+def repeated(name, **state):
+    stated = {"stack": "4", "torque": 2.5, "pressure": None, "height": None, **state}
+    return Configuration(name=name, files=(), **stated)
+
+
+def comparison(names, frequency):
+    frequency = np.array(frequency)
+    return Comparison(
+        name=names,
+        frequency=frequency,
+        frequency_std=np.where(np.isnan(frequency), np.nan, 1e-5 * frequency),
+        damping=np.where(np.isnan(frequency), np.nan, 0.01),
+        damping_std=np.where(np.isnan(frequency), np.nan, 1e-4),
+        mac=np.ones_like(frequency),
+    )
+
+
+def test_repeats_that_differ_by_more_than_their_intervals_are_told():
+    # 0.35 % apart with intervals of 0.001 %: nothing compared them
+    names = ("A", "B", "A again")
+    states = [repeated("A"), repeated("B", torque=5.0), repeated("A again")]
+    rows = [[200.0, 300.0, 400.0], [220.0, 330.0, np.nan], [200.7, 300.0, np.nan]]
+    (found,) = repeats(states, comparison(names, rows))
+    assert found.name == ("A", "A again")
+    np.testing.assert_allclose(found.frequency, [200.35, 300.0])
+    np.testing.assert_allclose(found.scatter, [0.7 / np.sqrt(2), 0.0], atol=1e-12)
+    np.testing.assert_allclose(found.stated, [2e-3, 3e-3], rtol=2e-3)
+    assert found.finding.startswith("A, A again state the same condition: frequencies scatter by 0.12 %")
+    assert "0.25 % at 200.35 Hz" in found.finding
+
+
+@pytest.mark.parametrize("states", [({"torque": None}, {"torque": None}), ({}, {"stack": "5"})])
+def test_what_states_no_condition_or_another_one_is_no_repeat(states):
+    configurations = [repeated(name, **state) for name, state in zip("AB", states, strict=True)]
+    assert repeats(configurations, comparison(("A", "B"), [[200.0], [201.0]])) == ()
+
+
+def test_repeats_without_a_common_mode():
+    rows = [[200.0, np.nan], [np.nan, 300.0]]
+    (found,) = repeats([repeated("A"), repeated("B")], comparison(("A", "B"), rows))
+    assert found.finding == "A, B state the same condition, but share no mode"
+
+
+@pytest.fixture
+def campaign(tmp_path, campaign_text):
+    """Read a campaign of configurations with these keys, all of one file."""
+    (tmp_path / "points.csv").write_text("node,x,y,z\n1,0,0,0\n")
+    (tmp_path / "frf.csv").write_text("1,0,0\n")
+    head = campaign_text.rpartition("[[configuration]]")[0]
+
+    def read(**configurations):
+        text = head + "".join(
+            f'[[configuration]]\nname = "{name}"\nfiles = "frf.csv"\noutput = "1+z"\ninput = "1+z"\n{keys}\n'
+            for name, keys in configurations.items()
+        )
+        (tmp_path / "campaign.toml").write_text(text)
+        return read_campaign(tmp_path / "campaign.toml")
+
+    return read
+
+
+def test_a_reference_may_be_a_name_or_a_list(campaign):
+    found = campaign(A="", B='repeat_of = "A"', C='compare_to = "A"', D='compare_to = ["A", "C"]')
+    assert [own.compare_to for own in found.configurations] == [(), (), ("A",), ("A", "C")]
+    assert found.configuration("B").repeat_of == "A"
+    assert found.reassembly.frequency == 0.003
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"A1": "", "B": 'compare_to = "A2"'}, "configuration 'B': compare_to: no 'A2'; .*A1"),
+        ({"A": 'compare_to = "A"'}, "'A': compare_to: names itself"),
+        ({"A": 'repeat_of = "A"'}, "'A': repeat_of: names itself"),
+        ({"A": "", "B": 'compare_to = ["A", "A"]'}, "'B': compare_to: names one state twice"),
+        ({"A": 'compare_to = "B"', "B": 'compare_to = "A"'}, "goes round: A -> B -> A"),
+        ({"A": 'compare_to = "C"', "B": 'compare_to = "A"', "C": 'compare_to = "B"'}, "goes round: A -> C -> B -> A"),
+        ({"A": 'compare_to = "B"', "B": 'repeat_of = "A"'}, "'B' is a repeat of it"),
+        ({"A": "", "B": 'repeat_of = "A"', "C": 'repeat_of = "B"'}, "'B' is a repeat itself; .*'A'"),
+        ({"A": "", "B": "", "C": 'repeat_of = "B"\ncompare_to = "A"'}, "move compare_to to 'B'"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused_by_its_name(campaign, keys, said):
+    with pytest.raises(CampaignError, match=said) as caught:
+        campaign(**keys)
+    assert "campaign.toml" in str(caught.value)

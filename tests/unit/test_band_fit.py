@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from ema.identification.band_fit import SEVERAL, BandFit, _told_of, fit_band, is_common
+from ema.identification.band_fit import SEVERAL, BandFit, fit_band, is_common, with_lost_peaks
 from ema.identification.evidence import unexplained_peaks
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
@@ -181,8 +181,10 @@ def test_a_peak_whose_pole_is_gone_is_listed():
     with_it, without = (
         BandFit(value=frf.value, fit=fit, runs=run_poles(data, fit), left=()) for fit in (three, two)
     )
-    told = [(p.line, why) for p, why in _told_of(frf, without, with_it, "gone").left]
+    told = [(p.line, why) for p, why in with_lost_peaks(frf, without, with_it, "gone").left]
     assert (peak.line, "gone") in told
     assert all(abs(line - peak.line) < 250 for line, _ in told)  # the plateau beside it is its flank
-    assert _told_of(frf, with_it, with_it, "gone").left == ()
-    assert _told_of(frf, without, without, "gone").left == ()  # what never had a pole was refused or is noise
+    assert with_lost_peaks(frf, with_it, with_it, "gone").left == ()
+    assert (
+        with_lost_peaks(frf, without, without, "gone").left == ()
+    )  # what never had a pole was refused or is noise
