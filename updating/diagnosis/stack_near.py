@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from model import Effect, Parameter, ReducedEquations
 from model.elements.equations import OMEGA, ParameterFactor, Target
-from model.reduction.reduced_equations import InRange, Matrix, ReducedTerm, summed
+from model.reduction.reduced_equations import Matrix, ReducedTerm, summed
 from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.diagnosis.local_basis import N_FURTHER, leading, parallel, times
 from updating.diagnosis.stack_screen import StackScreen
 from updating.inference.protocol import Coordinate, Modal, State
 
@@ -26,11 +27,6 @@ Vector = NDArray[np.float64]
 TARGETS: tuple[Target, ...] = ("K", "M")
 RATIOS = ("young", "density", "normal_modulus")
 """Nuisances that are logarithms of a ratio and parameters of the model."""
-N_FURTHER = 13
-"""Modes about a point that a local basis holds beyond those whose equations are looked at, beside the static responses
-of these."""
-RESPONSE = 1e-2
-"""Share of a mode's energy, as an amplitude, from which a response counts: 1e-2 leaves 1e-5 of a frequency nearby."""
 RIGID = (2.0 * np.pi * 20.0) ** 2
 """Eigenvalue, (rad/s)**2, up to which a mode is rigid-body motion: suspensions give that some hertz."""
 
@@ -112,48 +108,6 @@ class _Part:
 def generic(theta: Mapping[str, float], moving: Iterable[str]) -> dict[str, float]:
     """Return parameters at which no factor vanishes by chance, for those that move."""
     return {**theta, **{name: 1.0123 * theta[name] + 1.01e-3 for name in moving}}
-
-
-def _times(matrix: Matrix, x: Vector) -> Vector:
-    """Return the product of a matrix, in full or of low rank, with vectors."""
-    if isinstance(matrix, InRange):
-        return np.asarray(matrix.range @ (matrix.core @ (matrix.range.T @ x)))
-    return np.asarray(matrix @ x)
-
-
-def _parallel(one: Vector, other: Vector) -> bool:
-    """Tell whether two forces differ by a factor only."""
-    return abs(np.vdot(one, other)) > (1.0 - 1e-6) * np.linalg.norm(one) * np.linalg.norm(other)
-
-
-def _leading(blocks: Vector, energy: Vector, mass: Vector) -> Vector:
-    """Return a basis of what counts in some vectors.
-
-    Parameters
-    ----------
-    blocks : (n, k) float
-        Modes, scaled to an energy of 1 and more, and responses to steps of coordinates.
-    energy : (n, n) float
-        Lower Cholesky factor of the matrix that measures energy.
-    mass : (n, n) float
-        The mass, for which the basis is orthonormal.
-
-    Returns
-    -------
-    (n, m) float
-        The basis, the strongest combinations first.
-    """
-    weighed = energy.T @ blocks
-    if weighed.shape[1] > 2 * weighed.shape[0]:
-        square, direction = la.eigh(weighed @ weighed.T)
-        order = np.argsort(-square)
-        strength, direction = np.sqrt(np.maximum(square[order], 0.0)), direction[:, order]
-    else:
-        direction, strength, _ = la.svd(weighed, full_matrices=False)
-    kept = int(np.count_nonzero(strength > RESPONSE))
-    basis = la.solve_triangular(energy.T, direction[:, :kept])
-    root = la.cholesky(basis.T @ mass @ basis, lower=True)
-    return np.asarray(la.solve_triangular(root, basis.T, lower=True).T)
 
 
 class StackNear:
@@ -276,7 +230,7 @@ class StackNear:
                         derivative = term.factor.derivative(at, name)
                         if derivative:
                             if image is None:
-                                image = _times(term.matrix, low)
+                                image = times(term.matrix, low)
                                 image = -image * value[: self.n_equation] if term.target == "M" else image
                             force[name, i] = force.get((name, i), 0.0) + derivative * image
             for (name, target), matrix in self._by_place[state].items():
@@ -286,7 +240,7 @@ class StackNear:
             answering = [
                 (own, step[name] * slope.get(name, 1.0))
                 for (name, i), own in force.items()
-                if not (i and (name, 0) in force and _parallel(own, force[name, 0]))
+                if not (i and (name, 0) in force and parallel(own, force[name, 0]))
             ]
             if c < n_state:
                 answering += [
@@ -301,7 +255,7 @@ class StackNear:
                 self.mesh.append(finer)
                 self._inertia.append(inertia)
         assert reference is not None
-        self.basis = _leading(np.hstack(blocks), reference, first_mass)
+        self.basis = leading(np.hstack(blocks), reference, first_mass)
         self.size = self.basis.shape[1]
 
     def _sized(self, name: str, theta: Mapping[str, float], low: Vector, lam: Vector) -> Vector:
@@ -317,7 +271,7 @@ class StackNear:
 
         def project(matrix: Matrix) -> Vector:
             if id(matrix) not in projected:
-                projected[id(matrix)] = self.basis.T @ _times(matrix, self.basis)
+                projected[id(matrix)] = self.basis.T @ times(matrix, self.basis)
             return projected[id(matrix)]
 
         n = self.size
@@ -404,7 +358,7 @@ class StackNear:
             ]
             blocks.append(every[:, n_basis:] @ np.hstack(answers))
         assert first is not None
-        basis = _leading(np.hstack(blocks), *first)
+        basis = leading(np.hstack(blocks), *first)
         self.basis, self.size = self.basis @ basis, basis.shape[1]
         self.fixed = {t: basis.T @ own @ basis for t, own in self.fixed.items()}
         self.linear = {t: basis.T @ own @ basis for t, own in self.linear.items()}

@@ -1,4 +1,4 @@
-"""A screening of all terms: what a few steps from each of their starts are expected to reach.
+"""A screening of all terms: what one step from each of their starts is expected to reach.
 
 A change of the model acts linearly on equation errors, whatever its size, for given modal coordinates of the measured
 modes. So the errors at a start of a term are those at the origin, where the term is neutral, and
@@ -106,7 +106,7 @@ def screened(
     local: LocalModel,
     sizes: Sizes,
     *,
-    asked: int = 16,
+    asked: int = 12,
     each: int = 3,
     steps: int = 4,
     weak: float = 0.1,
@@ -122,10 +122,11 @@ def screened(
     origins : sequence of mapping of str to float
         Coordinates of the explanation from which steps are taken; further ones are at their starts.
     asked, each : int
-        Terms, the best of the screening, of which the model itself is asked, and starts of each and origin, the best of
-        these, from which further steps are taken by twice as many terms.
+        Terms, the best of the screening, of which the model itself is asked, and starts of each, the best of these and
+        that of each origin.
     steps : int
-        Most of these, for what one promises of a start far off is little more than a rank.
+        Most steps that are taken from the best of them, for what one promises of a start far off is little more than a
+        rank.
     weak : float
         Share of the starts from which terms of several coordinates are tried as well; those of one from neutral.
     """
@@ -138,71 +139,49 @@ def screened(
             at.append((x, _origin(model, setting, local, x, sizes)))
     if not at:
         return {}
-    together = {term.name: coordinates_of(model, [*present, term]) for term in further}
-    columns = {n: np.array([index[c.name] for c in own]) for n, own in together.items()}
-    first: dict[str, list[tuple[float, Vector, int]]] = {}  # steps, the best first, and from which origin
-    for name, own in together.items():
-        new = [c for c in own if c.name not in origins[0]]
+    first: dict[
+        str, list[tuple[float, int, Vector]]
+    ] = {}  # what steps promise, from which origin, and their starts
+    for term in further:
+        together = coordinates_of(model, [*present, term])
+        columns = np.array([index[c.name] for c in together])
+        new = [c for c in together if c.name not in origins[0]]
         trials = list(itertools.product(*(c.starts for c in new)))
         trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in values) for values in trials if new]
-        first[name] = []
         for values, (o, (x, origin)) in itertools.product(trials, enumerate(at)):
             start = x.copy()
             start[[index[c.name] for c in new]] = values
-            step = None if origin is None else _ahead(model, origin, start, columns[name], own)
-            first[name].append((*(step or (np.inf, start[columns[name]])), o))
-        first[name].sort(key=lambda one: -one[0])
-    ways: dict[str, list[tuple[float, Vector]]] = {}
-    for name in sorted(first, key=lambda name: -first[name][0][0])[: 2 * asked]:
-        ways[name] = [(ahead, x) for ahead, x, _ in first[name] if not np.isfinite(ahead)]
-        for o, (_, origin) in enumerate(at):
-            steps_from = [(ahead, x) for ahead, x, of in first[name] if of == o and np.isfinite(ahead)][:each]
-            if origin is not None and steps_from:
-                walks = [
-                    _walk(model, origin, one, columns[name], together[name], steps) for one in steps_from
-                ]
-                ways[name].append(max(walks, key=lambda one: one[0]))
-    found: dict[str, tuple[float, Vector]] = {}
-    by_name = {term.name: term for term in further}
-    for name in sorted(ways, key=lambda name: -max(ahead for ahead, _ in ways[name]))[:asked]:
-        terms = [*present, by_name[name]]
-        for _, start in ways[name]:
-            one = None
-            with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                near = local.of(together[name], start)
-                one = outlook(model, terms, setting, start, near, sizes)
-                one = outlook(model, terms, setting, one[1], near, sizes)
-            if one is not None and (name not in found or one[0] > found[name][0]):
-                found[name] = one
+            ahead = None if origin is None else _ahead(model, origin, start, columns, together)
+            one = np.inf if ahead is None else ahead, o, start[columns]
+            first.setdefault(term.name, []).append(one)
+    by_name, found = {term.name: term for term in further}, dict[str, tuple[float, Vector]]()
+    for name in sorted(first, key=lambda name: -max(ahead for ahead, *_ in first[name]))[:asked]:
+        starts = sorted(first[name], key=lambda one: -one[0])
+        known = np.isfinite(starts[0][0])
+        of_origins = {next(i for i, one in enumerate(starts) if one[1] == o) for o in range(len(at))}
+        terms, tried = [*present, by_name[name]], list[tuple[float, Vector, LocalModel]]()
+        for i in sorted(of_origins.union(range(each))) if known else range(len(starts)):
+            with contextlib.suppress(
+                np.linalg.LinAlgError, ValueError, IndexError
+            ):  # no modes there, or no start
+                near = local.of(coordinates_of(model, terms), starts[i][2])
+                tried.append((*outlook(model, terms, setting, starts[i][2], near, sizes), near))
+        if not tried:
+            continue
+        reached, to, near = max(tried, key=lambda one: one[0])
+        found[name] = reached, to
+        with contextlib.suppress(np.linalg.LinAlgError, ValueError):
+            for _ in range(steps - 1):
+                before, found[name] = found[name], outlook(model, terms, setting, found[name][1], near, sizes)
+                if abs(found[name][0] - before[0]) < 1.0:
+                    break
     return found
-
-
-def _walk(
-    model: Model,
-    origin: _Origin,
-    first: tuple[float, Vector],
-    columns: NDArray[np.intp],
-    coordinates: Sequence[Coordinate],
-    steps: int,
-) -> tuple[float, Vector]:
-    """Return what several steps are expected to reach, the first of which is taken, minus the cost, and where."""
-    before, one = -np.inf, first
-    for _ in range(steps - 1):
-        if abs(one[0] - before) < 1.0:
-            break
-        before, start = one[0], origin.x.copy()
-        start[columns] = one[1]
-        after = _ahead(model, origin, start, columns, coordinates)
-        if after is None:
-            break
-        one = after
-    return one
 
 
 def _ahead(
     model: Model, origin: _Origin, start: Vector, columns: NDArray[np.intp], coordinates: Sequence[Coordinate]
-) -> tuple[float, Vector] | None:
-    """Return what one step from a start is expected to reach, minus the cost, and where; None if unknown."""
+) -> float | None:
+    """Return what one step from a start is expected to reach, minus the cost; None where no change is known."""
     value, jacobian = origin.value, origin.jacobian[:, columns]
     if np.any(start != origin.x):
         parts = []
@@ -229,4 +208,4 @@ def _ahead(
     hessian = jacobian.T @ jacobian + np.diag(precision) + origin.problem.curvature[np.ix_(columns, columns)]
     step = step_within(slope, hessian, x, coordinates) - x
     total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log
-    return -total - float(slope @ step + 0.5 * step @ hessian @ step), x + step
+    return -total - float(slope @ step + 0.5 * step @ hessian @ step)

@@ -311,7 +311,7 @@ def extended(
     starts: Sequence[Vector] = (),
     *,
     least: int = 6,
-    last: int = 16,
+    last: int = 12,
     gain: float = 1.0,
     steps: int = 10,
     small: float = 0.3,
