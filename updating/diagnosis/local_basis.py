@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
-from model.reduction.reduced_equations import InRange, Matrix
 from numpy.typing import NDArray
+
+from model.reduction.reduced_equations import InRange, Matrix
 
 Vector = NDArray[np.float64]
 
