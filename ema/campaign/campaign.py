@@ -485,14 +485,11 @@ def _correction(path: Path, folder: Path, given: CorrectionSection) -> Correctio
 
 
 def geometry_of(
-    path: Path,
-    folder: Path,
-    given: PointsSection,
-    *,
-    # More take minutes to draw and are a slip.
-    most_points: int = 100_000,
+    path: Path, folder: Path, given: PointsSection, *, most_points: int = 100_000
 ) -> tuple[Geometry, tuple[str, ...]]:
     """Return the points that a section of a campaign file lists, none without a file, and what reading them noted.
+
+    `most_points`: points; more take minutes to draw and are a slip.
 
     Raises
     ------

@@ -344,13 +344,12 @@ def _lists_points(file: Path) -> bool:
 
 
 def _points(
-    folder: Path,
-    configurations: dict[str, tuple[Contents, ...]],
-    *,
-    # M; points that span more than this number of their unit are in mm.
-    longest: float = 10.0,
+    folder: Path, configurations: dict[str, tuple[Contents, ...]], *, longest: float = 10.0
 ) -> PointsFound | None:
-    """Return the list of points: a table of the folder, else the first universal file that holds some."""
+    """Return the list of points: a table of the folder, else the first universal file that holds some.
+
+    `longest`: m; points that span more than this number of their unit are in mm.
+    """
     for file in sorted(folder.rglob("*"), key=natural):
         if (file.parent / _RESULT).exists():
             continue

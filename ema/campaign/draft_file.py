@@ -27,13 +27,11 @@ from ema.types.errors import CampaignError, MeasurementError
 _GAP = 3.0  # of the usual distance of neighbours: what is farther apart has a hole between
 
 
-def lines_text(
-    points: PointsFound,
-    *,
-    # Lines in a row of the file.
-    per_row: int = 6,
-) -> list[str]:
-    """Return the rows of a campaign file with the guessed trace lines; none where the points already have lines."""
+def lines_text(points: PointsFound, *, per_row: int = 6) -> list[str]:
+    """Return the rows of a campaign file with the guessed trace lines; none where the points already have lines.
+
+    `per_row`: lines in a row of the file.
+    """
     try:
         if format_of(points.file) == "uff":
             geometry, _ = read_uff_geometry(points.file)

@@ -104,13 +104,11 @@ def averaged(sets: list[Set]) -> list[list[Set]]:
     return list(runs.values())
 
 
-def averaging_of(
-    sets: list[Set],
-    *,
-    # Records, to tell the force and the window.
-    looked_at: int = 3,
-) -> dict[str, Guessed]:
-    """Return the keys of ``[measurement.time]`` as far as the first records tell, `UNKNOWN` where they do not."""
+def averaging_of(sets: list[Set], *, looked_at: int = 3) -> dict[str, Guessed]:
+    """Return the keys of ``[measurement.time]`` as far as the first records tell, `UNKNOWN` where they do not.
+
+    `looked_at`: records from which the force and the window are seen.
+    """
     records = [r for unit in sets[:looked_at] if (r := _record(unit)) is not None]
     titles = _titles(sets[0])
     guessed: dict[str, Guessed] = {}
@@ -209,13 +207,11 @@ def _of_one_length(record: list[MeasuredFunction]) -> bool:
     return len({f.value.size for f in record}) == 1
 
 
-def _window(
-    forces: list[MeasuredFunction],
-    *,
-    # In one record; two may be a double hit.
-    fewest_hits: int = 3,
-) -> dict[str, Guessed]:
-    """Return the window, and of records of many hits the blocks."""
+def _window(forces: list[MeasuredFunction], *, fewest_hits: int = 3) -> dict[str, Guessed]:
+    """Return the window, and of records of many hits the blocks.
+
+    `fewest_hits`: hits in one record; two may be a double hit.
+    """
     shares = [float(pulse_share(f.value)) for f in forces]
     if not shares or max(shares) > PULSE:
         return {"window": Guessed(value=UNKNOWN, comment='to be filled in: "hann" or "boxcar"')}

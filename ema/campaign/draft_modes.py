@@ -149,13 +149,11 @@ def _beside(table: Path, modes: list[Path], shapes: list[Path]) -> tuple[Path, .
     return (near[others.index(table)],) if len(near) == len(others) else ()
 
 
-def _points(
-    candidates: list[Path],
-    *,
-    # M; points that span more than this number of their unit are in mm.
-    longest: float = 10.0,
-) -> PointsFound | None:
-    """Return the first file that lists points."""
+def _points(candidates: list[Path], *, longest: float = 10.0) -> PointsFound | None:
+    """Return the first file that lists points.
+
+    `longest`: m; points that span more than this number of their unit are in mm.
+    """
     for file in candidates:
         try:
             if format_of(file) == "uff":

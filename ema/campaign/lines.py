@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 from ema.io.measured_function import MeasuredFunction
 
 
-def snapped(
-    frequency: NDArray[np.float64],
-    *,
-    # Of a step; put in place of 0 Hz, to divide by it.
-    nearly_zero: float = 0.05,
-) -> NDArray[np.float64]:
-    """Return a uniform axis where the stored one differs from it by no more than its printed digits."""
+def snapped(frequency: NDArray[np.float64], *, nearly_zero: float = 0.05) -> NDArray[np.float64]:
+    """Return a uniform axis where the stored one differs from it by no more than its printed digits.
+
+    `nearly_zero`: share of a step; put in place of 0 Hz, to divide by it.
+    """
     if frequency.size < 3:
         return frequency
     if 0.0 < frequency[0] < nearly_zero * (frequency[1] - frequency[0]):

@@ -491,13 +491,11 @@ def _block(
     return frf, overload
 
 
-def _decay_rate(
-    entries: Sequence[_Entry],
-    *,
-    # Relative difference of decay rates by the rounding of a block's length.
-    same_window: float = 1e-3,
-) -> float:
-    """Return what the exponential window adds to decay rates, 1/s, the same in all functions."""
+def _decay_rate(entries: Sequence[_Entry], *, same_window: float = 1e-3) -> float:
+    """Return what the exponential window adds to decay rates, 1/s, the same in all functions.
+
+    `same_window`: relative difference of decay rates by the rounding of a block's length.
+    """
     slow, fast = (limit(entries, key=lambda e: e.decay_rate) for limit in (min, max))
     if fast.decay_rate > (1.0 + same_window) * slow.decay_rate:
         message = (

@@ -371,15 +371,11 @@ def _beside(files: list[tuple[Path, tuple[tuple[_Channels, ...], ...]]]) -> tupl
     return records
 
 
-def _one_record(
-    file: Path,
-    channels: _Channels,
-    more: _Channels,
-    *,
-    # Of a step, by which channels of one record may begin apart.
-    same_start: float = 0.5,
-) -> _Channels:
-    """Return the channels of one record from two files, which begin at the same time."""
+def _one_record(file: Path, channels: _Channels, more: _Channels, *, same_start: float = 0.5) -> _Channels:
+    """Return the channels of one record from two files, which begin at the same time.
+
+    `same_start`: share of a step by which channels of one record may begin apart.
+    """
     for channel in more:
         time, reference = channel.abscissa, channels[0].abscissa
         step = float(np.diff(reference).mean()) if reference.size > 1 else 0.0

@@ -362,11 +362,14 @@ def _resonance(
     r: int,
     power: Vector,
     *,
-    # Half bandwidths to either side of the largest response, over which frequency grows evenly with amplitude.
     reach: float = 1.2,
     min_lines: int = 8,
 ) -> tuple[tuple[float, float, float, float], Vector]:
-    """Return frequency, damping and their standard deviations of a mode, and its response over the force, m/N."""
+    """Return frequency, damping and their standard deviations of a mode, and its response over the force, m/N.
+
+    `reach`, `min_lines`: half bandwidths to either side of the largest response, over which frequency grows evenly
+    with amplitude.
+    """
     pole, residue = model.pole[r], model.residue[..., r]
     s, scale = 2j * np.pi * frequency, 2j * pole.imag
     constant = residue * scale
@@ -545,17 +548,13 @@ def _require_fitting(record: Vector, shape: Vector, n_frequency: int) -> None:
 
 
 def _analytic(
-    signal: Vector,
-    rate: float,
-    frequency: Vector,
-    mode: int,
-    *,
-    # Half width of the band over the mode's frequency, less where modes are near.
-    width: float = 0.15,
-    # Of the distance to the next mode.
-    gap: float = 0.45,
+    signal: Vector, rate: float, frequency: Vector, mode: int, *, width: float = 0.15, gap: float = 0.45
 ) -> NDArray[np.complex128]:
-    """Return the analytic signal of a band around a mode, whose flanks are half a cosine."""
+    """Return the analytic signal of a band around a mode, whose flanks are half a cosine.
+
+    `width`: half width of the band over the mode's frequency, less where modes are near.
+    `gap`: share of the distance to the next mode.
+    """
     centre = frequency[mode]
     others = np.abs(np.delete(frequency, mode) - centre)
     half = min(width * centre, gap * float(others.min(initial=np.inf)))

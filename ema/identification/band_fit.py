@@ -116,16 +116,12 @@ class _Sums:
 
 
 def _around_pole(
-    data: Functions,
-    fit: Fit,
-    r: int,
-    lines: slice,
-    width: float,
-    *,
-    # Values of functions that are transformed at once.
-    at_once: int = 1 << 20,
+    data: Functions, fit: Fit, r: int, lines: slice, width: float, *, at_once: int = 1 << 20
 ) -> _Sums:
-    """Add up the functions, some at a time: all at once would take several times their memory."""
+    """Add up the functions, some at a time: all at once would take several times their memory.
+
+    `at_once`: values of functions that are transformed at once.
+    """
     frequency = data.frequency[lines]
     around = replace(data, frequency=frequency)
     sums = _Sums(**{name: np.zeros(frequency.size) for name in ("left", "modes", "noise", "whole")})
@@ -151,13 +147,12 @@ def _power(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
 
 
 def _line_statistic(
-    scaled: NDArray[np.complex128],
-    half: float,
-    *,
-    # Half bandwidth of a matched line, lines.
-    narrowest: float = 0.25,
+    scaled: NDArray[np.complex128], half: float, *, narrowest: float = 0.25
 ) -> NDArray[np.float64]:
-    """Twice the gain of likelihood by a resonance line of a half bandwidth (lines) at every line, ``(n_line,)``."""
+    """Twice the gain of likelihood by a resonance line of a half bandwidth (lines) at every line, ``(n_line,)``.
+
+    `narrowest`: half bandwidth of a matched line, lines.
+    """
     n = scaled.shape[1]
     size = scipy.fft.next_fast_len(2 * n)
     offset = np.arange(size, dtype=float)
@@ -225,14 +220,11 @@ def with_background(
     return fit, is_mode & ~_doubles(fit, is_mode)
 
 
-def _doubles(
-    fit: Fit,
-    is_mode: NDArray[np.bool_],
-    *,
-    # Half bandwidths within which two poles are at one place: runs that differ a little bring such.
-    same_place: float = 0.1,
-) -> NDArray[np.bool_]:
-    """Tell which modes are no more than a second pole of a stronger one: of its shape, or at its very place."""
+def _doubles(fit: Fit, is_mode: NDArray[np.bool_], *, same_place: float = 0.1) -> NDArray[np.bool_]:
+    """Tell which modes are no more than a second pole of a stronger one: of its shape, or at its very place.
+
+    `same_place`: half bandwidths within which two poles are at one place: runs that differ a little bring such.
+    """
     double = np.zeros(fit.pole.size, dtype=bool)
     height = np.linalg.norm(fit.residue, axis=0) / -fit.pole.real
     kept: list[int] = []
@@ -338,15 +330,16 @@ def _amid_overlap(
     first: BandFit,
     band: tuple[float, float],
     *,
-    # Modal overlap factor from which modes are sought beside background.
     overlap: float = 0.3,
-    # Share of the power that may be left where modes overlap, before they are sought anew beside poles that are
-    # none.
     little: float = 1e-3,
 ) -> BandFit:
     """Find the modes again amid others that overlap too much to be told apart, where a fit without these fails.
 
     The background is taken out of the functions while modes are judged and sought; in the end all is fitted together.
+
+    `overlap`: modal overlap factor from which modes are sought beside background.
+    `little`: share of the power that may be left where modes overlap, before they are sought anew beside poles that
+    are none.
     """
     data = _functions(frf)
     candidates = stabilization(frf, order=order).chosen
@@ -538,16 +531,13 @@ def _beside_others(
 
 
 def _refined(
-    data: Functions,
-    fit: Fit,
-    part: PartBand,
-    members: NDArray[np.bool_],
-    *,
-    # Half bandwidths that a pole of one part may move when the modes of the others are taken out; no part moves
-    # then.
-    strays: float = 0.5,
+    data: Functions, fit: Fit, part: PartBand, members: NDArray[np.bool_], *, strays: float = 0.5
 ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Return the poles of one part, which are its `members` of all, and their covariance."""
+    """Return the poles of one part, which are its `members` of all, and their covariance.
+
+    `strays`: half bandwidths that a pole of one part may move when the modes of the others are taken out; no part
+    moves then.
+    """
     lines = replace(data, frequency=data.frequency[part.lines], value=data.value[:, part.lines])
     rest = response(lines, fit.pole[~members], fit.residue[:, ~members])
     np.subtract(lines.value, rest, out=rest)

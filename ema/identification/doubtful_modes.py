@@ -93,16 +93,12 @@ def _damping(modal_model: ModalModel) -> tuple[str, str]:
     return "damping", text if listed else ""
 
 
-def _broad(
-    frf: FRF,
-    modal_model: ModalModel,
-    *,
-    # Height of the peak of a broad mode, dB, and its width as a share of the mode's: narrower ones are noise on
-    # it.
-    hump: float = 1.0,
-    share: float = 0.25,
-) -> tuple[str, str]:
-    """Name modes that are far wider than the others and show no peak of their own."""
+def _broad(frf: FRF, modal_model: ModalModel, *, hump: float = 1.0, share: float = 0.25) -> tuple[str, str]:
+    """Name modes that are far wider than the others and show no peak of their own.
+
+    `hump`, `share`: height of the peak of a broad mode, dB, and its width as a share of the mode's: narrower ones are
+    noise on it.
+    """
     damping = modal_model.damping
     if damping.size < FEWEST_MODES:
         return "broad", ""
@@ -358,13 +354,16 @@ def _shared(
     other: NDArray[np.complex128],
     other_shape: NDArray[np.complex128],
     *,
-    # Largest relative changes from one order to the next, and the least MAC, of what is called stable (the usual
-    # ones: Heylen, Lammens and Sas, Modal Analysis Theory and Testing, part A).
     stable_frequency: float = 0.01,
     stable_damping: float = 0.05,
     stable_mac: float = 0.98,
 ) -> NDArray[np.bool_]:
-    """Tell what each pole shares with the nearest other one: frequency, damping too, shape too, (3, n_pole)."""
+    """Tell what each pole shares with the nearest other one: frequency, damping too, shape too, (3, n_pole).
+
+    `stable_frequency`, `stable_damping`, `stable_mac`: largest relative changes from one order to the next, and the
+    least MAC, of what is called stable (the usual ones: Heylen, Lammens and Sas, Modal Analysis Theory and Testing,
+    part A).
+    """
     nearest = np.argmin(np.abs(pole[:, None] - other), axis=1)
     near, near_shape = other[nearest], other_shape[:, nearest]
     damping, near_damping = (-p.real / np.abs(p) for p in (pole, near))

@@ -146,13 +146,15 @@ def _inverse_variance(
     power: NDArray[np.float64],
     left: NDArray[np.float64],
     *,
-    # Relative change of both parts.
     settled: float = 1e-9,
-    # By which a part of the variance may fall in a step.
     factor: float = 5.0,
     rounds: int = 50,
 ) -> NDArray[np.float64]:
-    """Return inverse variances of all functions, two unknowns each, (n_function, n_frequency)."""
+    """Return inverse variances of all functions, two unknowns each, (n_function, n_frequency).
+
+    `settled`: relative change of both parts at which steps end.
+    `factor`: by which a part of the variance may fall in a step; `rounds`: most steps.
+    """
     power, left = (part_power / np.mean(part_power, axis=1, keepdims=True) for part_power in (power, left))
     part = np.stack([np.median(left, axis=1), np.full(len(left), 1e-4)], axis=1)
     moving = np.arange(len(part))

@@ -234,16 +234,12 @@ def identify_frf(
 
 
 def _require_lines(
-    lines: FRF,
-    frf: FRF,
-    order: int,
-    band: tuple[float, float],
-    name: str,
-    *,
-    # Fewest lines that a band may hold.
-    min_lines: int = 6,
+    lines: FRF, frf: FRF, order: int, band: tuple[float, float], name: str, *, min_lines: int = 6
 ) -> None:
-    """Refuse a band of functions that holds too few lines for a model order."""
+    """Refuse a band of functions that holds too few lines for a model order.
+
+    `min_lines`: fewest lines that a band may hold.
+    """
     if lines.frequency.size < max(min_lines, 2 * order):
         message = (
             f"{name}: {lines.frequency.size} lines in {band[0]:g}-{band[1]:g} Hz of "

@@ -377,14 +377,12 @@ def linear_fit(
 
 
 def _likelier(
-    target: _Target,
-    state: _Projection,
-    damping: float,
-    *,
-    # Gain of log-likelihood that a step promises.
-    rounding: float = 1e-6,
+    target: _Target, state: _Projection, damping: float, *, rounding: float = 1e-6
 ) -> tuple[_Projection, float] | None:
-    """Return the fit after a step that does not raise the objective, and the damping it took; None where none does."""
+    """Return the fit after a step that does not raise the objective, and the damping it took; None where none does.
+
+    `rounding`: gain of log-likelihood that a step promises.
+    """
     equations = _normal_equations(target, state)
     information, pull = equations.information, equations.pull
     gradient = pull.sum(axis=0)
@@ -461,17 +459,15 @@ def _left(target: _Target, state: _Projection, block: slice) -> NDArray[np.float
     return _remainder(state.basis, state.part[:, block], target.rows(block))
 
 
-def _orthonormal(
-    basis: NDArray[np.float64],
-    *,
-    # Of a nearly orthogonal basis: orthonormal to 1e-14 after one round.
-    nearly: float = 10.0,
-) -> _Basis:
+def _orthonormal(basis: NDArray[np.float64], *, nearly: float = 10.0) -> _Basis:
     """Return what makes orthonormal rows of a basis of a few long rows, and the lower triangle that does.
 
     One round of Cholesky makes them orthogonal to rounding where the basis nearly is. That need not be done then: the
     small products are turned. Two do up to a condition of about 1e7 (Yamamoto, Nakatsukasa, Yanagisawa and
     Fukaya, ETNA 44, 2015); bases that come near it are left to Householder. Each is several times faster than the next.
+
+    `nearly`: up to this mean square of what makes its rows orthonormal a basis is nearly orthogonal, and orthonormal to
+    1e-14 after one round.
     """
     gram = _gram(basis)
     length = np.sqrt(np.diag(gram))

@@ -56,14 +56,15 @@ def runs_apart(
     left: Left,
     band: tuple[float, float],
     *,
-    # Half bandwidths by which runs must differ for their modes to be followed, and where peaks stay unexplained:
-    # less, and one pole serves all.
     apart: float = 1.0,
     slightly: float = 0.3,
 ) -> bool:
     """Whether runs differ by so much of the bandwidths that a fit by common poles may have missed or doubled modes.
 
     Poles outside the band, Hz, stand for whatever is there, and wander with the noise of each run: they do not count.
+
+    `apart`, `slightly`: half bandwidths by which runs must differ for their modes to be followed, and where peaks stay
+    unexplained: less, and one pole serves all.
     """
     differs = (runs.probability < RUNS_DIFFER).any(axis=0) & resonant(fit.pole, band)
     known = np.isfinite(runs.frequency_std) & differs
@@ -121,15 +122,11 @@ def follow_runs(
     return followed if _worth(data, followed, together) else None
 
 
-def _worth(
-    data: Functions,
-    followed: Followed,
-    together: Fit,
-    *,
-    # Share of what common poles leave of the power that poles of each run may leave, to be worth their number.
-    worth: float = 0.5,
-) -> bool:
-    """Whether poles of each run explain more power, and are likelier, each counted (Akaike)."""
+def _worth(data: Functions, followed: Followed, together: Fit, *, worth: float = 0.5) -> bool:
+    """Whether poles of each run explain more power, and are likelier, each counted (Akaike).
+
+    `worth`: share of what common poles leave of the power that poles of each run may leave, to be worth their number.
+    """
     power = np.sum(np.abs(data.value) ** 2, axis=1)
     mine, theirs = (
         np.mean(np.sum(np.abs(fit.residual) ** 2, axis=1) / power) for fit in (followed.fit, together)
@@ -226,13 +223,11 @@ def _filled(
     return filled
 
 
-def _spread(
-    pole: NDArray[np.complex128],
-    *,
-    # Poles of other runs that a mode is tried at which a run does not show.
-    most_tried: int = 12,
-) -> NDArray[np.complex128]:
-    """Return some of many poles, from the lowest to the highest frequency: more runs are to cost no more than a run."""
+def _spread(pole: NDArray[np.complex128], *, most_tried: int = 12) -> NDArray[np.complex128]:
+    """Return some of many poles, from the lowest to the highest frequency: more runs are to cost no more than a run.
+
+    `most_tried`: poles of other runs that a mode is tried at which a run does not show.
+    """
     if pole.size <= most_tried:
         return pole
     rank = np.argsort(np.abs(pole))
@@ -245,11 +240,13 @@ def _likeliest(
     mode: int,
     tried: NDArray[np.complex128],
     *,
-    # Half bandwidths and lines around these on which they are compared.
     around: float = 5.0,
     around_lines: float = 16.0,
 ) -> complex:
-    """Return which of some poles of a mode explains the functions of a run best on the lines around all of them."""
+    """Return which of some poles of a mode explains the functions of a run best on the lines around all of them.
+
+    `around`, `around_lines`: half bandwidths and lines around these on which they are compared.
+    """
     spacing = 2.0 * np.pi * float(run.frequency[1] - run.frequency[0])
     reach = max(around * float(-tried.real.min()), around_lines * spacing)
     omega = 2.0 * np.pi * run.frequency

@@ -212,16 +212,12 @@ def rank_one_modes(
     return _refined(around, factors, start, participation)
 
 
-def _factors(
-    around: Around,
-    pole: complex,
-    most: int,
-    *,
-    # Part of a second mode in the residues, relative to the first, below which it may be an error of the
-    # measurement.
-    least_part: float = 0.02,
-) -> _Factors:
-    """Factor modal constants into as many modes as stand out of the noise, one at least and some at most."""
+def _factors(around: Around, pole: complex, most: int, *, least_part: float = 0.02) -> _Factors:
+    """Factor modal constants into as many modes as stand out of the noise, one at least and some at most.
+
+    `least_part`: part of a second mode in the residues, relative to the first, below which it may be an error of the
+    measurement.
+    """
     line = around.line(np.array([pole]))[0]
     constant: NDArray[np.complex128] = around.value @ line.conj() / np.linalg.norm(line) ** 2
     rest = around.rough(around.value) - constant[..., None] * line
@@ -259,16 +255,17 @@ def _is_additive(
     weak: NDArray[np.float64],
     noise: NDArray[np.float64],
     *,
-    # Log-likelihood by which a second mode is to explain a second part of the residues better than errors of
-    # gains.
     least_likelier: float = 2.0,
-    # Errors of gains of single functions, relative, that are thought possible.
     largest_error: float = 0.1,
 ) -> bool:
     """Whether a weak part of the modal constants is one of a mode, and not an error of gains or of places hit.
 
     Such errors grow with the response of the strong part and are nothing where that is at rest; a mode shows there.
     Returned is which of both variances over the outputs, ``(n_output,)``, is likelier.
+
+    `least_likelier`: log-likelihood by which a second mode is to explain a second part of the residues better than
+    errors of gains.
+    `largest_error`: errors of gains of single functions, relative, that are thought possible.
     """
 
     def log_likelihood(std: NDArray[np.float64]) -> float:
@@ -282,17 +279,15 @@ def _is_additive(
 
 
 def _common_basis(
-    factors: _Factors,
-    around: Around,
-    pairs: list[tuple[int, int, float]],
-    *,
-    # Least over largest eigenvalue of what driving points say of the scale of shapes, for it to be used.
-    least_definite: float = 1e-3,
+    factors: _Factors, around: Around, pairs: list[tuple[int, int, float]], *, least_definite: float = 1e-3
 ) -> NDArray[np.float64]:
     """Mixing X of the columns that makes shapes ``left X`` and participations ``right X**-T`` the same.
 
     At driving points that is ``left S = right`` with the symmetric ``S = X X^T``. Where they do not tell it, X makes
     the shapes orthogonal.
+
+    `least_definite`: least over largest eigenvalue of what driving points say of the scale of shapes, for it to be
+    used.
     """
     left, right = around.output_noise[:, None] * factors.left, around.input_noise[:, None] * factors.right
     n = left.shape[1]
@@ -336,10 +331,12 @@ def _refined(
     start: NDArray[np.complex128],
     participation: NDArray[np.float64],
     *,
-    # Standard deviation, rad, of a rotation that nothing tells: any shape of the subspace is as good.
     unknown_angle: float = np.pi / 4.0,
 ) -> RankOneModes:
-    """Minimise the misfit over poles and a rotation of the participations, from a start."""
+    """Minimise the misfit over poles and a rotation of the participations, from a start.
+
+    `unknown_angle`: standard deviation, rad, of a rotation that nothing tells: any shape of the subspace is as good.
+    """
     from scipy.optimize import (
         least_squares,
     )  # here: it takes long to import, and few structures are symmetric
@@ -433,13 +430,11 @@ def _alike(residue: NDArray[np.complex128]) -> bool:
     return bool(np.all(np.abs(np.sum(shape[1:].conj() * shape[:-1], axis=1)) ** 2 > ALIKE))
 
 
-def _clusters(
-    pole: NDArray[np.complex128],
-    *,
-    # Half bandwidths within which residues of two poles are taken together: beyond, each pole has certain ones.
-    near: float = 1.0,
-) -> Iterator[NDArray[np.int64]]:
-    """Yield the positions of poles that are near each other, of one alone, too."""
+def _clusters(pole: NDArray[np.complex128], *, near: float = 1.0) -> Iterator[NDArray[np.int64]]:
+    """Yield the positions of poles that are near each other, of one alone, too.
+
+    `near`: half bandwidths within which residues of two poles are taken together: beyond, each pole has certain ones.
+    """
     first = 0
     for r in range(1, pole.size + 1):
         if r == pole.size or np.abs(pole[r] - pole[r - 1]) > -near * max(
@@ -456,11 +451,13 @@ def _around(
     rest: NDArray[np.complex128],
     noises: tuple[NDArray[np.float64], NDArray[np.float64]],
     *,
-    # Half bandwidths on each side of a pole over which its modes are sought.
     window: float = 10.0,
     fewest_lines: int = 16,
 ) -> tuple[Around, float]:
-    """Return the functions around modes, less all other ones, and the power of what the model leaves of them."""
+    """Return the functions around modes, less all other ones, and the power of what the model leaves of them.
+
+    `window`, `fewest_lines`: half bandwidths on each side of a pole over which its modes are sought.
+    """
     spacing = 2.0 * np.pi * (frf.frequency[1] - frf.frequency[0])
     reach = int(max(np.ceil(window * -model.pole[members].real.min() / spacing), fewest_lines))
     middle = int(np.argmin(np.abs(2.0 * np.pi * frf.frequency - model.pole[members].imag.mean())))

@@ -221,10 +221,12 @@ def _denominators(
     step: int,
     *,
     real: bool,
-    # Values of functions that are summed over at once.
     at_once: int = 1 << 20,
 ) -> list[NDArray[Any]]:
-    """Solve for the denominators ``(k, m, m)`` of every degree ``k``, the monic coefficient left out."""
+    """Solve for the denominators ``(k, m, m)`` of every degree ``k``, the monic coefficient left out.
+
+    `at_once`: values of functions that are summed over at once.
+    """
     n_output, m, n_frequency = value.shape
     size = degree + 1
     kernel = np.exp(1j * np.outer(np.arange(size), theta))
@@ -293,16 +295,14 @@ def _solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
 
 
 def _roots(
-    coefficient: NDArray[Any],
-    known: NDArray[np.complex128],
-    *,
-    # Roots from which on those of the order before them save time.
-    many: int = 30,
+    coefficient: NDArray[Any], known: NDArray[np.complex128], *, many: int = 30
 ) -> NDArray[np.complex128]:
     """Roots of ``det(sum_k coefficient[k] z**k + I z**n)`` as eigenvalues of the block companion matrix.
 
     The coefficients stand in the first block row, the form that LAPACK reduces fastest. Many roots of one polynomial
     are found from `known` ones, those of the order before.
+
+    `many`: roots from which on those of the order before them save time.
     """
     n, m, _ = coefficient.shape
     if m == 1 and n > many:
@@ -432,14 +432,13 @@ def _of_part(
 
 
 def _chain(
-    poles: list[NDArray[np.complex128]],
-    *,
-    # Largest distance of linked poles of neighbouring orders over the magnitude of the pole.
-    link_distance: float = 0.01,
-    # A chain survives this many orders without its pole.
-    max_gap: int = 2,
+    poles: list[NDArray[np.complex128]], *, link_distance: float = 0.01, max_gap: int = 2
 ) -> NDArray[np.int64]:
-    """Give each pole the number of its chain, in the order of the concatenated poles."""
+    """Give each pole the number of its chain, in the order of the concatenated poles.
+
+    `link_distance`: largest distance of linked poles of neighbouring orders over the magnitude of the pole.
+    `max_gap`: a chain survives this many orders without its pole.
+    """
     numbers: list[NDArray[np.int64]] = []
     n_chain = 0
     end_pole = np.empty(0, dtype=complex)  # last pole, its order and number of every chain still alive

@@ -158,16 +158,13 @@ def enlargement(runs: tuple[RunNoise, ...]) -> Enlargement:
 
 
 def _slope(
-    g: NDArray[np.float64],
-    ratio: NDArray[np.float64],
-    freedom: NDArray[np.float64],
-    *,
-    # Standard deviations from which noise is taken to be more than what is independent.
-    believed: float = 2.0,
+    g: NDArray[np.float64], ratio: NDArray[np.float64], freedom: NDArray[np.float64], *, believed: float = 2.0
 ) -> float:
     """Rise of the variance ratio with the response, ``ratio = 1 + slope g``; 0 where chance makes as much.
 
     Weighted least squares, the weights from the rise itself: the variance of a ratio is its square over the freedom.
+
+    `believed`: standard deviations from which noise is taken to be more than what is independent.
     """
     slope = 0.0
     for _ in range(5):
@@ -177,14 +174,11 @@ def _slope(
     return slope if slope > believed * chance else 0.0
 
 
-def _serial(
-    correlations: list[NDArray[np.float64]],
-    freedom: float,
-    *,
-    # Likewise of the correlation from line to line, whose sum is what scatters most.
-    correlated: float = 4.0,
-) -> float:
-    """Spectral density over variance of what is left, where a correlation from line to line is significant."""
+def _serial(correlations: list[NDArray[np.float64]], freedom: float, *, correlated: float = 4.0) -> float:
+    """Spectral density over variance of what is left, where a correlation from line to line is significant.
+
+    `correlated`: standard deviations, likewise, of the correlation from line to line, whose sum is what scatters most.
+    """
     length = min(c.size for c in correlations)
     total = np.sum([c[:length] for c in correlations], axis=0)
     if length < 2 or total[1] < correlated / np.sqrt(2.0 * freedom) * total[0]:
@@ -195,14 +189,12 @@ def _serial(
 
 
 def _window(
-    frequency: NDArray[np.float64],
-    pole: complex,
-    *,
-    # Half bandwidths around a pole, and lines on each side at least.
-    half_bandwidths: float = 4.0,
-    fewest: int = 8,
+    frequency: NDArray[np.float64], pole: complex, *, half_bandwidths: float = 4.0, fewest: int = 8
 ) -> slice:
-    """Lines around a pole that its noise is taken from."""
+    """Lines around a pole that its noise is taken from.
+
+    `half_bandwidths`, `fewest`: half bandwidths around a pole, and lines on each side at least.
+    """
     spacing = frequency[1] - frequency[0]
     centre = (pole.imag / (2.0 * np.pi) - frequency[0]) / spacing
     reach = max(half_bandwidths * -pole.real / (2.0 * np.pi * spacing), fewest)

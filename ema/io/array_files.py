@@ -60,10 +60,12 @@ def _check(
     *,
     matrix: int = 14,
     compressed: int = 15,
-    # Structures in structures.
     deepest: int = 30,
 ) -> None:
-    """Check the elements between two positions of a file; below the top they are the parts of one matrix."""
+    """Check the elements between two positions of a file; below the top they are the parts of one matrix.
+
+    `deepest`: structures in structures.
+    """
     numeric = False
     first = True
     while position + 8 <= end:

@@ -213,13 +213,11 @@ def is_table_of_shapes(path: Path) -> bool:
     return {"node", "x", "y", "z"} <= names and ("mode_1_real" in names or "mode_1" in names)
 
 
-def _first_names(
-    path: Path,
-    *,
-    # Characters of names.
-    longest_row: int = 2**20,
-) -> set[str]:
-    """Return the cells of the first row of a text file in small letters; none where it is no text."""
+def _first_names(path: Path, *, longest_row: int = 2**20) -> set[str]:
+    """Return the cells of the first row of a text file in small letters; none where it is no text.
+
+    `longest_row`: characters of names.
+    """
     try:
         with path.open(encoding="utf-8-sig") as file:
             head = file.readline(longest_row).rstrip("\n")

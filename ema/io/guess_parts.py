@@ -71,15 +71,14 @@ def parts_of_frfs(
 
 
 def table_of_frfs(
-    arrays: _Arrays,
-    *,
-    # Degrees, which no phase exceeds.
-    full_turn: float = 360.0,
+    arrays: _Arrays, *, full_turn: float = 360.0
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]], list[str]] | None:
     """Return keys of FRFs that stand beside their frequencies in one real array, its parts, and what was guessed.
 
     The first column, or row, ascends in steps that are none of a time; pairs of real and imaginary parts, or of
     magnitudes and phases, follow it. None where no array is like this.
+
+    `full_turn`: degrees, which no phase exceeds.
     """
     tables = {n: v for n, v in arrays.items() if _is_function(n, v) and v.ndim == 2 and min(v.shape) % 2}
     for name, value in sorted(tables.items(), key=lambda column: -column[1].size):

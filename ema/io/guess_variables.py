@@ -45,15 +45,12 @@ class HistoriesFound:
     guesses: tuple[str, ...]
 
 
-def pulse_share(
-    value: NDArray[np.float64],
-    *,
-    # Of the largest value, above which a sample belongs to the pulse of a hammer.
-    of_a_pulse: float = 0.1,
-) -> NDArray[np.float64]:
+def pulse_share(value: NDArray[np.float64], *, of_a_pulse: float = 0.1) -> NDArray[np.float64]:
     """Return the share of each record, (..., n_sample), in which it is above a tenth of its largest value: (...).
 
     The force of a hammer is a short pulse, a response rings on. 1 of a constant record, and of one that is not finite.
+
+    `of_a_pulse`: share of the largest value above which a sample belongs to the pulse of a hammer.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         size = np.abs(value - np.median(value, axis=-1, keepdims=True))
@@ -197,14 +194,11 @@ def _ascends(value: NDArray[Any]) -> bool:
     return value.size == max(value.shape) and bool(np.all(np.diff(value.ravel().astype(float)) > 0))
 
 
-def _has_pulse(
-    value: NDArray[np.float64],
-    n_sample: int,
-    *,
-    # Samples of a record of which nothing but a pulse tells that it is one.
-    fewest_of_a_pulse: int = 512,
-) -> bool:
-    """Whether some record of an array is at rest but for a short pulse, which no mode shape or spectrum of few is."""
+def _has_pulse(value: NDArray[np.float64], n_sample: int, *, fewest_of_a_pulse: int = 512) -> bool:
+    """Whether some record of an array is at rest but for a short pulse, which no mode shape or spectrum of few is.
+
+    `fewest_of_a_pulse`: samples of a record of which nothing but a pulse tells that it is one.
+    """
     share = pulse_share(np.moveaxis(value, value.shape.index(n_sample), -1))
     return n_sample >= fewest_of_a_pulse and bool(np.any(share < PULSE))
 
@@ -275,14 +269,11 @@ def _flat(share: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     return np.moveaxis(share, axis, 0).reshape(share.shape[axis], -1)
 
 
-def _first_is_time(
-    value: NDArray[np.float64],
-    axes: list[str],
-    *,
-    # S, of a first channel that is taken for the time without being called so.
-    longest_sample: float = 2e-3,
-) -> bool:
-    """Whether the first channel ascends in steps that are those of a time."""
+def _first_is_time(value: NDArray[np.float64], axes: list[str], *, longest_sample: float = 2e-3) -> bool:
+    """Whether the first channel ascends in steps that are those of a time.
+
+    `longest_sample`: S, of a first channel that is taken for the time without being called so.
+    """
     if "channel" not in axes:
         return False
     value = value.reshape([n for n in value.shape if n > 1])
@@ -427,13 +418,12 @@ def _of_frfs(
 
 
 def _frfs(
-    arrays: _Arrays,
-    units: Mapping[str, str],
-    *,
-    # Names of variables in a comment.
-    listed: int = 6,
+    arrays: _Arrays, units: Mapping[str, str], *, listed: int = 6
 ) -> tuple[dict[str, Any], NDArray[Any] | None, list[str]]:
-    """Return the keys of the FRFs, an array in their shape, and what was guessed."""
+    """Return the keys of the FRFs, an array in their shape, and what was guessed.
+
+    `listed`: names of variables in a comment.
+    """
     whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
     spectra = [n for n in whole if _is_spectrum(n)]
     called = [

@@ -119,13 +119,11 @@ def _line(time: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
     return float(step), time - start - step * sample
 
 
-def is_uneven(
-    time: NDArray[np.float64],
-    *,
-    # Of a step; a missing or a doubled sample is more.
-    jitter: float = 0.2,
-) -> bool:
-    """Whether samples, (n_sample,), lie farther from even steps than the last digit of printed times lets them."""
+def is_uneven(time: NDArray[np.float64], *, jitter: float = 0.2) -> bool:
+    """Whether samples, (n_sample,), lie farther from even steps than the last digit of printed times lets them.
+
+    `jitter`: share of a step; a missing or a doubled sample is more.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # times that are none
         step = np.diff(time)
     if step.size == 0 or not np.isfinite(step).all():
@@ -133,13 +131,11 @@ def is_uneven(
     return bool(np.abs(step - step.mean()).max() > jitter * step.mean())
 
 
-def _of_mixed_digits(
-    time: NDArray[np.float64],
-    *,
-    # Of a step, by which times of mixed digits lie off the line.
-    most_off: float = 0.35,
-) -> float | None:
-    """Return the rate of times with more digits in some rows than in others, which lie about a line without a break."""
+def _of_mixed_digits(time: NDArray[np.float64], *, most_off: float = 0.35) -> float | None:
+    """Return the rate of times with more digits in some rows than in others, which lie about a line without a break.
+
+    `most_off`: share of a step by which times of mixed digits lie off the line.
+    """
     step, off = _line(time)
     if step <= 0 or np.abs(off).max() > most_off * step:
         return None

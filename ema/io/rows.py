@@ -35,13 +35,11 @@ def unpacked(data: bytes, suffix: str) -> bytes:
     return gzip.decompress(data) if suffix == ".gz" else data
 
 
-def encoding_of(
-    data: bytes,
-    *,
-    # Bytes.
-    looked_at: int = 1000,
-) -> str | None:
-    """Return the encoding that a file's first bytes tell: a mark of the byte order, or UTF-16 without one."""
+def encoding_of(data: bytes, *, looked_at: int = 1000) -> str | None:
+    """Return the encoding that a file's first bytes tell: a mark of the byte order, or UTF-16 without one.
+
+    `looked_at`: bytes from which the encoding is seen.
+    """
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return encoding

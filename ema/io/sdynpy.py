@@ -135,13 +135,11 @@ def _functions(
     return functions
 
 
-def _dof(
-    coordinate: Any,
-    *,
-    # As in universal files.
-    largest_point: float = 1e10,
-) -> tuple[int, int] | None:
-    """Return point and signed direction; None where the file states none, or a rotation."""
+def _dof(coordinate: Any, *, largest_point: float = 1e10) -> tuple[int, int] | None:
+    """Return point and signed direction; None where the file states none, or a rotation.
+
+    `largest_point`: as in universal files.
+    """
     node, direction = int(coordinate["node"]), int(coordinate["direction"])
     return (node, direction) if 0 < node < largest_point and 1 <= abs(direction) <= 3 else None
 

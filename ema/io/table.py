@@ -122,16 +122,13 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
 
 
 def read_records(
-    path: Path,
-    layout: TableLayout,
-    unit: Unit | None = None,
-    *,
-    # Of a step: where a segment begins that goes on with the one before.
-    same_start: float = 0.5,
+    path: Path, layout: TableLayout, unit: Unit | None = None, *, same_start: float = 0.5
 ) -> tuple[tuple[MeasuredFunction, ...], ...]:
     """Read every record of a text table, each with its functions: one, and of LabVIEW's text one for each segment.
 
     A segment that begins where the one before ends goes on with it.
+
+    `same_start`: share of a step, where a segment begins that goes on with the one before.
 
     Raises
     ------
@@ -307,13 +304,11 @@ def _points(path: Path, reader: csv.DictReader[str], decimal: str, unit: Unit) -
     )
 
 
-def _shown(
-    cell: str,
-    *,
-    # Characters of a cell in a message.
-    most_shown: int = 40,
-) -> str:
-    """Return a cell as a message shows it: quoted, and only its beginning where it is long."""
+def _shown(cell: str, *, most_shown: int = 40) -> str:
+    """Return a cell as a message shows it: quoted, and only its beginning where it is long.
+
+    `most_shown`: characters of a cell in a message.
+    """
     return repr(cell if len(cell) <= most_shown else f"{cell[:most_shown]}...")
 
 

@@ -391,10 +391,12 @@ def _dofs(
     end: Literal["output", "input"],
     count: int,
     *,
-    # As in universal files.
     largest_point: float = 1e10,
 ) -> list[tuple[int, int]] | list[None]:
-    """Return points and signed directions along an axis, or none of them where the campaign file lists them."""
+    """Return points and signed directions along an axis, or none of them where the campaign file lists them.
+
+    `largest_point`: as in universal files.
+    """
     point, direction = (getattr(layout, f"{end}_{what}") for what in ("point", "direction"))
     if point is None:
         return [None] * count

@@ -355,7 +355,6 @@ def _angles(
     stated: Reassembly,
     reference: tuple[NDArray[np.float64], NDArray[np.int64]],
     *,
-    # Relative gap: closer modes are in one plane, and their mixing is not counted.
     closest: float = 1e-3,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the angle between the shapes of each mode, or the planes of close ones, and its expected sine, (n_mode,).
@@ -363,6 +362,8 @@ def _angles(
     A relative change of stiffness by sigma moves a frequency by sigma / sqrt(2), and mixes a share
     sigma f_r f_s / (f_r^2 - f_s^2) of mode s into mode r. `reference` holds the frequencies of all its modes, Hz,
     and the numbers of those that were matched.
+
+    `closest`: relative gap; closer modes are in one plane, and their mixing is not counted.
     """
     _, n_dof, n_mode = before.shape.shape
     if n_dof < _FEWEST_DOFS or not n_mode:
@@ -416,10 +417,12 @@ def _only(
     others: Sequence[ModalModel],
     other_modes: Sequence[Modes],
     *,
-    # Share of a band's ends within which a mode may be missed.
     edge: float = 0.02,
 ) -> NDArray[np.int64]:
-    """Return numbers of modes that all repeats of one side have and none of the other, well within all bands."""
+    """Return numbers of modes that all repeats of one side have and none of the other, well within all bands.
+
+    `edge`: share of a band's ends within which a mode may be missed.
+    """
     first = own_modes[0]
     kept = np.ones(first[0].size, dtype=bool)
     for repeat in own_modes[1:]:
@@ -437,10 +440,12 @@ def _like(
     matched: NDArray[np.int64],
     number: NDArray[np.int64],
     *,
-    # MAC of a mode with its neighbour from which it is that one twice.
     twin: float = 0.8,
 ) -> NDArray[np.int64]:
-    """Return for modes without a partner the number of the matched mode that is close by and has their shape, or -1."""
+    """Return for modes without a partner the number of the matched mode that is close by and has their shape, or -1.
+
+    `twin`: MAC of a mode with its neighbour from which it is that one twice.
+    """
     frequency, shape = modes
     likeliest = np.full(single.size, -1)
     if not matched.size or shape.shape[0] < _FEWEST_DOFS:

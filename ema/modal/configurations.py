@@ -123,13 +123,11 @@ _KNOWN = {
 """Ratios of units that are taken for each other."""
 
 
-def factor_text(
-    factor: float,
-    *,
-    # Of the logarithm.
-    near: float = 0.15,
-) -> str:
-    """Return a factor as text, with the units that it is the ratio of, such as ``9.7 times (g for m/s²)``."""
+def factor_text(factor: float, *, near: float = 0.15) -> str:
+    """Return a factor as text, with the units that it is the ratio of, such as ``9.7 times (g for m/s²)``.
+
+    `near`: difference of the logarithms.
+    """
     said = f"{factor:.3g} times"
     for ratio, what in _KNOWN.items():
         if abs(abs(np.log(factor)) - np.log(ratio)) < near:
@@ -180,12 +178,12 @@ def _pairs(
 
 
 def _out_of_proportion(
-    configurations: Sequence[Configuration],
-    *,
-    # Relative difference of two pressures per torque up to which bolts and clamps are the same.
-    in_proportion: float = 0.1,
+    configurations: Sequence[Configuration], *, in_proportion: float = 0.1
 ) -> Iterator[str]:
-    """Say where pressure does not grow with torque as it does at the other configurations of a stack."""
+    """Say where pressure does not grow with torque as it does at the other configurations of a stack.
+
+    `in_proportion`: relative difference of two pressures per torque up to which bolts and clamps are the same.
+    """
     for low, high in _pairs(configurations, "torque"):
         one, other = configurations[low], configurations[high]
         if one.pressure is None or other.pressure is None or not one.torque or not other.torque:
@@ -208,14 +206,13 @@ def _said(one: Configuration) -> str:
 
 
 def _softer(
-    configurations: Sequence[Configuration],
-    comparison: Comparison,
-    *,
-    # Median change of the logarithms of frequencies under more pressure, below which a stack gets softer: a
-    # repeat of one state scatters less.
-    fall: float = -2e-3,
+    configurations: Sequence[Configuration], comparison: Comparison, *, fall: float = -2e-3
 ) -> Iterator[str]:
-    """Say where a stack gets softer under more pressure or, where none is stated, more torque."""
+    """Say where a stack gets softer under more pressure or, where none is stated, more torque.
+
+    `fall`: median change of the logarithms of frequencies under more pressure, below which a stack gets softer: a
+    repeat of one state scatters less.
+    """
     for key, unit, factor in (("pressure", "kPa", 1e-3), ("torque", "N m", 1.0)):
         for low, high in _pairs(configurations, key):  # type: ignore[arg-type]
             one, other = configurations[low], configurations[high]
@@ -234,14 +231,13 @@ def _softer(
 
 
 def _out_of_scale(
-    models: Sequence[ModalModel],
-    comparison: Comparison,
-    *,
-    # Ratio of the functions of two configurations from which they are not of one calibration: sensors agree to
-    # some per cent, and shapes of unit modal mass hardly change with the contact.
-    scale: float = 1.5,
+    models: Sequence[ModalModel], comparison: Comparison, *, scale: float = 1.5
 ) -> Iterator[str]:
-    """Say of which configurations all functions are larger than those of the first by one factor, or turned."""
+    """Say of which configurations all functions are larger than those of the first by one factor, or turned.
+
+    `scale`: ratio of the functions of two configurations from which they are not of one calibration: sensors agree to
+    some per cent, and shapes of unit modal mass hardly change with the contact.
+    """
     for k in range(1, len(models)):
         ratio = _ratios(models[0], models[k], comparison.frequency[[0, k]])
         if not ratio.size:
@@ -272,14 +268,16 @@ def _sensor_changed(
     models: Sequence[ModalModel],
     comparison: Comparison,
     *,
-    # Change of the logarithm of a sensor's gain beside the others' from which its calibration changed between two
-    # configurations: a sensor keeps it within 1 %.
     gain: float = 0.03,
     certain: float = 5.0,
-    # That tell of one sensor.
     fewest_modes: int = 4,
 ) -> Iterator[str]:
-    """Say of which configurations a sensor that roves reads more beside the others than in the first."""
+    """Say of which configurations a sensor that roves reads more beside the others than in the first.
+
+    `gain`, `certain`: change of the logarithm of a sensor's gain beside the others' from which its calibration changed
+    between two configurations: a sensor keeps it within 1 %.
+    `fewest_modes`: modes that say something of one sensor.
+    """
     for k in range(1, len(models)):
         constants = _constants(models[0], models[k], comparison.frequency[[0, k]])
         if constants is None or constants[0].shape[1] < fewest_modes:

@@ -261,10 +261,12 @@ def _fitted(
     least_gain: float,
     *,
     max_step: int = 100,
-    # Of the unknowns, relative.
     converged: float = 1e-11,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the vector of least misfit near another, its covariance, and its misfit."""
+    """Return the vector of least misfit near another, its covariance, and its misfit.
+
+    `converged`: relative change of the unknowns.
+    """
     damping, misfit = 1e-3, problem.misfit(x)
     for _ in range(max_step):
         jacobian = problem.jacobian(x, misfit)
@@ -541,14 +543,11 @@ def _result(
     )
 
 
-def _pairs(
-    run: NDArray[np.int64],
-    n_run: int,
-    *,
-    # Sensors of a run up to which it counts that a force at one lets the point of another yield.
-    few_sensors: int = 4,
-) -> NDArray[np.int64]:
-    """Return run and sensors, by their place in it, between which there are flexibilities; with many, each alone."""
+def _pairs(run: NDArray[np.int64], n_run: int, *, few_sensors: int = 4) -> NDArray[np.int64]:
+    """Return run and sensors, by their place in it, between which there are flexibilities; with many, each alone.
+
+    `few_sensors`: sensors of a run up to which it counts that a force at one lets the point of another yield.
+    """
     pairs = []
     for k in range(n_run):
         n = int(np.count_nonzero(run == k))

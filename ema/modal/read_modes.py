@@ -241,13 +241,11 @@ def _residues(
     return residue
 
 
-def _at(
-    force: Dof | None,
-    *,
-    # Point of a force that nobody stated; a list of points seldom has it.
-    nowhere: int = 0,
-) -> Dofs:
-    """Return the DOF of a force as those of a model; nowhere, along z, where it is not known."""
+def _at(force: Dof | None, *, nowhere: int = 0) -> Dofs:
+    """Return the DOF of a force as those of a model; nowhere, along z, where it is not known.
+
+    `nowhere`: point of a force that nobody stated; a list of points seldom has it.
+    """
     dof = Dof(nowhere, (0.0, 0.0, 1.0)) if force is None else force
     return Dofs(node=np.array([dof.node]), direction=np.array([dof.direction]))
 

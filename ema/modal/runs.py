@@ -404,14 +404,11 @@ def _weighted_median(value: NDArray[np.float64], weight: NDArray[np.float64]) ->
     return np.take_along_axis(value, rank, axis=0)[middle, np.arange(value.shape[1])]
 
 
-def _certain(
-    modes: RovedModes,
-    load: NDArray[np.float64] | None,
-    *,
-    # Standard deviations from which a mass that the runs tell is taken out.
-    certain: float = 3.0,
-) -> BareModes:
-    """Take the mass out, the scatter that it does not explain in the weights, and not where its size is uncertain."""
+def _certain(modes: RovedModes, load: NDArray[np.float64] | None, *, certain: float = 3.0) -> BareModes:
+    """Take the mass out, the scatter that it does not explain in the weights, and not where its size is uncertain.
+
+    `certain`: standard deviations from which a mass that the runs tell is taken out.
+    """
     bare = without_sensors(modes, load)
     if load is not None:
         uncertain = np.isnan(load) & (bare.load < certain * bare.load_std)

@@ -208,13 +208,11 @@ def _mark_poles(panels: tuple[Axes, ...], frequency: NDArray[np.float64]) -> Non
             axes.axvline(f, color=palette.ACCENT, linewidth=0.7, linestyle="--")
 
 
-def _thinned(
-    magnitude: NDArray[np.float64],
-    *,
-    # Lines drawn of one function; wider ones are thinned to the extremes of every bin.
-    max_points: int = 2000,
-) -> NDArray[np.intp]:
-    """Choose the smallest and the largest value of every bin, so that no peak is lost."""
+def _thinned(magnitude: NDArray[np.float64], *, max_points: int = 2000) -> NDArray[np.intp]:
+    """Choose the smallest and the largest value of every bin, so that no peak is lost.
+
+    `max_points`: lines drawn of one function; wider ones are thinned to the extremes of every bin.
+    """
     n = magnitude.size
     if n <= max_points:
         return np.arange(n)

@@ -196,14 +196,11 @@ def _unexplained(share: float) -> str:
     return f"the modes are off by {share:.3g} times its power"
 
 
-def _beside(
-    frequency: float,
-    modal_model: ModalModel,
-    *,
-    # Half bandwidths of a mode within which a further peak is of its resonance, or of what stands for two.
-    beside: float = 2.0,
-) -> float | None:
-    """Return the frequency of the mode in whose resonance, of all runs or of some, a frequency lies; None of none."""
+def _beside(frequency: float, modal_model: ModalModel, *, beside: float = 2.0) -> float | None:
+    """Return the frequency of the mode in whose resonance, of all runs or of some, a frequency lies; None of none.
+
+    `beside`: half bandwidths of a mode within which a further peak is of its resonance, or of what stands for two.
+    """
     pole = np.concatenate([modal_model.pole[None], modal_model.run_pole])
     half = -pole.real.min(axis=0) / (2.0 * np.pi)
     lowest, highest = (extreme(np.abs(pole), axis=0) / (2.0 * np.pi) for extreme in (np.min, np.max))

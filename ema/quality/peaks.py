@@ -122,15 +122,12 @@ def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128], *
     return float(np.median(slopes))  # Theil and Sen: blocks that resonances fill do not count
 
 
-def whitest(
-    frf: FRF,
-    *,
-    # By how much accelerance, as which most functions are measured, is preferred to what the slope says.
-    leaning: float = 0.3,
-) -> Quantity:
+def whitest(frf: FRF, *, leaning: float = 0.3) -> Quantity:
     """Return the quantity in which the noise of functions, on lines above 0 Hz, is the most even.
 
     Integration raises the lowest lines of a band that begins near 0 Hz; it goes no further than these bear.
+
+    `leaning`: by how much accelerance, as which most functions are measured, is preferred to what the slope says.
     """
     slope = noise_slope(frf.frequency, frf.value.reshape(-1, frf.frequency.size))
     wanted = DERIVATIVE[frf.quantity] - slope + leaning
@@ -250,17 +247,14 @@ def residues(
 
 
 def _local_fit(
-    value: NDArray[np.complex128],
-    peak: int,
-    *,
-    rounds: int = 8,
-    # Lines of a half bandwidth below which the fit cannot tell it from none.
-    narrowest: float = 0.02,
+    value: NDArray[np.complex128], peak: int, *, rounds: int = 8, narrowest: float = 0.02
 ) -> tuple[complex, NDArray[np.complex128]] | None:
     """Fit ``residue / (x - pole) + straight part`` over line numbers x from a peak; None where lines are too few.
 
     Equations that are multiplied by ``x - pole`` are linear in the pole; divided by that of the round before, they end
     at the fit of the functions themselves (Sanathanan and Koerner, IEEE Trans. Autom. Control 8, 1963).
+
+    `narrowest`: lines of a half bandwidth below which the fit cannot tell it from none.
     """
     size = np.linalg.norm(value, axis=1, keepdims=True)
     value = (value / np.where(size > 0.0, size, 1.0))[size[:, 0] > 0.0]

@@ -65,20 +65,17 @@ def delay(
 
 
 def phases(
-    frf: FRF,
-    sound: NDArray[np.int64],
-    *,
-    # Mean cosine of twice the angle between residues and a phase from which on they have that phase.
-    in_phase: float = 0.7,
-    # Lines in a half-power bandwidth from which on a record is long enough for phases: its end turns them by 27
-    # degrees at most, the angle whose sine is exp(-pi 0.25), where nothing else has faded the response out.
-    fewest_lines: float = 0.25,
+    frf: FRF, sound: NDArray[np.int64], *, in_phase: float = 0.7, fewest_lines: float = 0.25
 ) -> Iterator[Verdict]:
     """Compare the phase of the residues with that of the quantity.
 
     Residues of real modes are imaginary in receptance and accelerance, and real in mobility, if time is counted from
     the force. Where a resonance is narrower than the lines tell, its record ends before it has died away, and the phase
     of its residues is that of the end of the record: it refuses nothing.
+
+    `in_phase`: mean cosine of twice the angle between residues and a phase from which on they have that phase.
+    `fewest_lines`: lines in a half-power bandwidth from which on a record is long enough for phases: its end turns
+    them by 27 degrees at most, the angle whose sine is exp(-pi 0.25), where nothing else has faded the response out.
     """
     expected = 1.0 if frf.quantity == "mobility" else -1.0
     wrong, resolved = [], []

@@ -109,13 +109,12 @@ def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.concatenate(shares)
 
 
-def _lines(
-    frf: FRF,
-    *,
-    # Parts of the band, of which one with a function in it is enough: above what a hammer excites is noise alone.
-    parts: int = 8,
-) -> int:
-    """Return how many lines a part of the band has."""
+def _lines(frf: FRF, *, parts: int = 8) -> int:
+    """Return how many lines a part of the band has.
+
+    `parts`: parts of the band, of which one with a function in it is enough: above what a hammer excites is noise
+    alone.
+    """
     return max(LINES_OF_A_FUNCTION, frf.frequency.size // parts)
 
 
@@ -246,13 +245,12 @@ def run_states(
 
 
 def _resonances(
-    frf: FRF,
-    channels: NDArray[np.int64],
-    *,
-    # Peaks that a run must show to be compared; fewer coincide by chance.
-    fewest_peaks: int = 3,
+    frf: FRF, channels: NDArray[np.int64], *, fewest_peaks: int = 3
 ) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
-    """Return the runs that show enough peaks, and of each their frequencies, Hz."""
+    """Return the runs that show enough peaks, and of each their frequencies, Hz.
+
+    `fewest_peaks`: peaks that a run must show to be compared; fewer coincide by chance.
+    """
     numbers, resonances = [], []
     for run in np.unique(frf.run[channels]):
         of_run = np.array([p.frequency for p in peaks(frf, channels[frf.run[channels] == run])])
@@ -263,14 +261,13 @@ def _resonances(
 
 
 def _alike(
-    one: NDArray[np.float64],
-    other: NDArray[np.float64],
-    near: float,
-    *,
-    # Relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by less.
-    same: float = 0.008,
+    one: NDArray[np.float64], other: NDArray[np.float64], near: float, *, same: float = 0.008
 ) -> float:
-    """Return the share of peaks that two runs have in common."""
+    """Return the share of peaks that two runs have in common.
+
+    `same`: relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by
+    less.
+    """
     apart = np.abs(one[:, None] - other)
     close = apart <= np.maximum(near, same * one[:, None])
     return float(close.any(axis=1).sum() + close.any(axis=0).sum()) / (one.size + other.size)

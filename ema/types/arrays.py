@@ -68,13 +68,11 @@ def in_blocks(channels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         yield channels[start : start + BLOCK]
 
 
-def inner_products(
-    value: NDArray[np.complex128],
-    *,
-    # Worked on at a time.
-    lines: int = 1024,
-) -> NDArray[np.complex128]:
-    """Return the inner products, (n, n), of functions (n, n_frequency), without a copy of all of them."""
+def inner_products(value: NDArray[np.complex128], *, lines: int = 1024) -> NDArray[np.complex128]:
+    """Return the inner products, (n, n), of functions (n, n_frequency), without a copy of all of them.
+
+    `lines`: worked on at a time.
+    """
     total = np.zeros((len(value), len(value)), complex)
     for start in range(0, value.shape[1], lines):
         part = value[:, start : start + lines]
