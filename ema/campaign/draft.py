@@ -91,7 +91,7 @@ def draft(folder: Path) -> Draft:
             continue
         files = sorted((f for f in place.iterdir() if f.is_file()), key=natural)
         contents = tuple(c for c in (_contents(file, left_out) for file in files) if c is not None)
-        contents = _told(_beside_forces(contents), left_out)
+        contents = _measurements(_beside_forces(contents), left_out)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
     configurations = _with_forces(_of_one_layout(configurations, left_out), left_out)
@@ -190,7 +190,7 @@ def _beside_forces(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
     )
 
 
-def _told(contents: tuple[Contents, ...], left_out: list[str]) -> tuple[Contents, ...]:
+def _measurements(contents: tuple[Contents, ...], left_out: list[str]) -> tuple[Contents, ...]:
     """Return the files in which something tells that they are a measurement; say of the others that nothing does.
 
     What LabVIEW writes as TDMS was acquired, whatever its channels are called.

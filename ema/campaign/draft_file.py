@@ -99,9 +99,9 @@ def _rows(cell: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
     for axis in range(3):
         others = np.delete(cell, axis, axis=1)
         rows = [
-            own[np.argsort(cell[own, axis], kind="stable")]
-            for own in (np.flatnonzero((others == at).all(axis=1)) for at in np.unique(others, axis=0))
-            if own.size > 1
+            line[np.argsort(cell[line, axis], kind="stable")]
+            for line in (np.flatnonzero((others == at).all(axis=1)) for at in np.unique(others, axis=0))
+            if line.size > 1
         ]
         if not rows:
             continue

@@ -500,8 +500,8 @@ def _independent(g_ff: NDArray[np.complex128]) -> NDArray[np.float64]:
 def _require_independent(g_ff: NDArray[np.complex128], *, least_independent: float = 1e-3) -> None:
     """Refuse forces that are zero, or that do the same at most lines.
 
-    `least_independent`: share of a force that the other ones do not hold below which its functions are not told from
-    theirs.
+    `least_independent`: share of a force that the others do not hold, below which its functions cannot be separated
+    from theirs.
     """
     auto = np.einsum("faa->fa", g_ff).real[1:-1]
     for k in range(auto.shape[1]):

@@ -120,8 +120,8 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     n_run = 0
     records = _records(campaign, configuration, notes)
     for files in configuration.files:
-        found, n_run = _entries(campaign, files, n_run, records, notes)
-        entries += found
+        functions, n_run = _entries(campaign, files, n_run, records, notes)
+        entries += functions
     if not entries:
         message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
         raise MeasurementError(message)
@@ -168,27 +168,27 @@ def _entries(
     campaign: Campaign, files: Files, n_run: int, records: Iterator[list[Run]], notes: list[str]
 ) -> tuple[list[_Entry], int]:
     """Read files that share a list of DOFs; return their FRFs and the number of runs so far."""
-    found: list[_Found] = []
+    collected: list[_Found] = []
     for group in _groups(files):
         if campaign.averaging is not None:
             position = 1
             for contents in next(records):
                 estimated = frfs_from_records(contents, campaign.averaging, notes)
-                found += [(*f, n_run, i) for i, f in enumerate(estimated, start=position)]
+                collected += [(*f, n_run, i) for i, f in enumerate(estimated, start=position)]
                 position += len(estimated)
                 n_run += 1
             continue
         for (file,) in group:
             functions = frfs_of(campaign, file, notes)
-            found += [(*f, 0.0, campaign.decay_rate, n_run, i) for i, f in enumerate(functions, start=1)]
+            collected += [(*f, 0.0, campaign.decay_rate, n_run, i) for i, f in enumerate(functions, start=1)]
         n_run += 1
     if not campaign.corrections and not (files.output or files.input):
-        found = _with_dofs(found, notes)
-    outputs = _listed(campaign, "output", files, files.output, len(found))
-    inputs = _listed(campaign, "input", files, files.input, len(found))
+        collected = _with_dofs(collected, notes)
+    outputs = _listed(campaign, "output", files, files.output, len(collected))
+    inputs = _listed(campaign, "input", files, files.input, len(collected))
     entries: list[_Entry] = []
     for (function, coherence, overload, decay_rate, run, position), output, force in zip(
-        found, outputs, inputs, strict=True
+        collected, outputs, inputs, strict=True
     ):
         entry = _corrected(campaign, function, coherence, run, position, output, force, notes)
         if entry is not None:
@@ -472,8 +472,8 @@ def _block(
         notes.append("only some functions have a coherence; it is left out")
     overload = np.array([max(e.overload for e in row) for row in table])
     value = np.empty((len(table), len(table[0]), entries[0].frequency.size), complex)
-    for row, own in zip(value, table, strict=True):
-        for function, e in zip(row, own, strict=True):
+    for row, of_output in zip(value, table, strict=True):
+        for function, e in zip(row, of_output, strict=True):
             function[:] = e.value
     value.flags.writeable = False  # so that it is not copied again: it may be the larger part of the memory
     frf = FRF(

@@ -35,7 +35,7 @@ from ema.io.variables import read_variables
 from ema.types.errors import CampaignError, MeasurementError
 
 SHARED = 0.5
-"""Share of a force that is in the others from which on it is told: the variance of its functions is twice as large."""
+"""Share of a force that is in the others from which on it is reported: the variance of its functions is doubled."""
 
 _Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float]
 

@@ -40,7 +40,7 @@ from ema.types.modal_model import ModalModel, synthesize
 Vector = NDArray[np.float64]
 
 _SHOWS = 3.0
-"""Standard deviations by which a change from the lowest to the highest amplitude must exceed 0 to be told."""
+"""Standard deviations by which a change from the lowest to the highest amplitude must exceed 0 to be reported."""
 _DRIFT = 2e-4
 """Share of a frequency by which tests of one linear structure on one day differ: less is no change with amplitude."""
 _DAMPING_DRIFT = 0.03

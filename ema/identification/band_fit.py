@@ -8,7 +8,7 @@ mode.
 
 Overlap: where bandwidths reach over several modes, poles are found that the functions need, but whose residues have
 not the phases of a mode: each stands for several modes. Taken away one after the other, each spoils the phases of its
-neighbours, until those that can be told go as well. So they stay in the fit, as background, and are no results.
+neighbours, until those that can be separated go as well. So they stay in the fit, as background, and are no results.
 """
 
 from __future__ import annotations
@@ -333,7 +333,7 @@ def _amid_overlap(
     overlap: float = 0.3,
     little: float = 1e-3,
 ) -> BandFit:
-    """Find the modes again amid others that overlap too much to be told apart, where a fit without these fails.
+    """Find the modes again amid others that overlap too much to be separated, where a fit without these fails.
 
     The background is taken out of the functions while modes are judged and sought; in the end all is fitted together.
 

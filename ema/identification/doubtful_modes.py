@@ -170,7 +170,7 @@ def check_references(
     modal_model : ModalModel
         What was identified. Modes of nearly one pole are not compared.
     least_shift : float
-        Half bandwidths by which a frequency differs from force to force for it to be told: shapes are then off by 1
+        Half bandwidths by which a frequency differs from force to force for it to be reported: shapes are then off by 1
         %.
     wanders : float
         Half bandwidths by which a frequency may differ for one mode alone to tell that the structure changed: beyond,

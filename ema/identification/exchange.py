@@ -81,9 +81,11 @@ def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
         "MCF", "phase_scatter_deg", "too_complex",
     )  # fmt: skip
     scaled = ["yes" if s else "no" for s in modal_model.scaled]
-    own = complexity(modal_model)
-    measures = zip(own.mpc, own.mpd, own.mcf, own.phase_scatter, strict=True)
-    words = ["yes" if c else "no" for c in own.is_complex]
+    complexities = complexity(modal_model)
+    measures = zip(
+        complexities.mpc, complexities.mpd, complexities.mcf, complexities.phase_scatter, strict=True
+    )
+    words = ["yes" if c else "no" for c in complexities.is_complex]
     table = [
         (r + 1, *map(repr, map(float, row)), scaled[r], *(f"{value:.6g}" for value in measure), words[r])
         for r, (row, measure) in enumerate(zip(rows, measures, strict=True))

@@ -145,18 +145,18 @@ def channels_in(path: Path) -> Iterator[dict[str, Channel]]:
             groups = whole or groups
             if any(min(length[id(channels)]) == 0 for channels in groups) or not groups:
                 raise CutOffError
-        found: dict[str, Channel] = {}
+        arrays: dict[str, Channel] = {}
         for channels in groups:
             for channel in channels:
                 name = f"{channel.group_name}/{channel.name}"
                 n = min(length[id(channels)]) if heard.cut_off else len(channel)
                 if n:
                     unit = channel.properties.get("unit_string", "")
-                    found[name] = (n,), partial(_values, channel, n), str(unit)
+                    arrays[name] = (n,), partial(_values, channel, n), str(unit)
                 for key, value in channel.properties.items():
                     if isinstance(value, Real):
-                        found[f"{name}@{key}"] = (), partial(np.asarray, value), ""
-        yield found
+                        arrays[f"{name}@{key}"] = (), partial(np.asarray, value), ""
+        yield arrays
 
 
 def is_cut_off(path: Path) -> bool:

@@ -190,11 +190,11 @@ def _time(
     count = block.shape[3]
     where, time = f"{path}: variable {name!r} (time)", block[0, 0, 0]
     if layout.time == FIRST_CHANNEL:
-        for other, own in blocks:
-            if own.shape[2] < 2 or np.any(own[0, 0, 0] != block[0, 0, 0]):
+        for other, of_block in blocks:
+            if of_block.shape[2] < 2 or np.any(of_block[0, 0, 0] != block[0, 0, 0]):
                 message = (
                     f"{path}: variable {other!r} (history): expected the times in its first channel, the same as in "
-                    f"{name!r}, and others beside them, found {own.shape[2]} channels; is the order axes = "
+                    f"{name!r}, and others beside them, found {of_block.shape[2]} channels; is the order axes = "
                     f"{list(layout.axes)} right?"
                 )
                 raise MeasurementError(message)

@@ -150,7 +150,8 @@ def with_names(
     """
     named = dofs_in(file.name)
     dofs: list[tuple[Code | None, Code | None]] = [
-        (found[0] if found else None, found[1] if len(found) > 1 else None) for found in header
+        (read_dofs[0] if read_dofs else None, read_dofs[1] if len(read_dofs) > 1 else None)
+        for read_dofs in header
     ]
     outputs = [output for output, _ in dofs]
     if not named:

@@ -152,11 +152,11 @@ def _guess(path: Path, text: _Text) -> Contents | None:
     columns = _beside(text, axis)
     if axis is not None and _is_time(text, axis, guesses):
         return _with_times(path, text, axis, keys, guesses)
-    n_told = len(guesses)
+    n_guessed = len(guesses)
     if _spectrum_in(text, columns):
         return None
     guessed = _functions(text, columns, guesses)
-    by_numbers = len(guesses) > n_told
+    by_numbers = len(guesses) > n_guessed
     if guessed is None or (guesses and not has_axis):  # any table of numbers
         return None
     layout, groups, coherence = guessed
@@ -381,7 +381,9 @@ def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
         return True
     header = text.words.lower()
     titles = [text.title(c).lower() for c in range(axis + 1, text.value.shape[1])]
-    if re.search(_OF_FREQUENCY, header) or any(re.search(r"\bfft\b|spectr|spekt", own) for own in titles):
+    if re.search(_OF_FREQUENCY, header) or any(
+        re.search(r"\bfft\b|spectr|spekt", heading) for heading in titles
+    ):
         return False
     if re.search(_OF_TIME, header):
         guesses.append("the columns are taken as time histories, for the header tells of sampling")

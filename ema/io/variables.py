@@ -198,12 +198,12 @@ def read_variables(
         A variable is missing or has another shape than the others ask for; the message names file and variable.
     """
     with arrays_in(path, matlab=matlab) as arrays:
-        found = _frfs(path, arrays, layout)
-        frequency = _frequency(path, arrays, layout, found)
-        value = np.concatenate([block for _, block in found], axis=1)
+        named = _frfs(path, arrays, layout)
+        frequency = _frequency(path, arrays, layout, named)
+        value = np.concatenate([block for _, block in named], axis=1)
         outputs = _dofs(path, arrays, layout, "output", value.shape[1])
         inputs = _dofs(path, arrays, layout, "input", value.shape[2])
-        coherences = _coherences(path, arrays, layout, found)
+        coherences = _coherences(path, arrays, layout, named)
     factor = 1.0 if unit is None else unit.factor
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
         frfs = [
@@ -216,7 +216,7 @@ def read_variables(
                 input=inputs[j],
                 source=source,
             )
-            for i, j, one, source in _each(path, found)
+            for i, j, one, source in _each(path, named)
         ]
     return (
         *frfs,

@@ -202,7 +202,7 @@ def change(
     """
     dofs = _shared(states, references)
     before_modes, after_modes = (
-        [(model.frequency, model.shape[own]) for model, own in zip(models, places, strict=True)]
+        [(model.frequency, model.shape[of_model]) for model, of_model in zip(models, places, strict=True)]
         for models, places in ((references, dofs[: len(references)]), (states, dofs[len(references) :]))
     )
     rows, columns = match(before_modes[0], after_modes[0])
@@ -265,8 +265,8 @@ def _tests(
     )
     angle, angle_scatter = _angles(after, before, stated, reference)
     tail = [
-        2.0 * scipy.special.stdtr(STATED_FREEDOM + own, -size)
-        for size, own in (
+        2.0 * scipy.special.stdtr(STATED_FREEDOM + degrees, -size)
+        for size, degrees in (
             (np.abs(shift) / scatter, freedom),
             (np.abs(damping_shift) / damping_scatter, damping_freedom),
             (np.sin(angle) / angle_scatter, 0.0),
@@ -296,21 +296,21 @@ def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes
     first = models[0].shape[dofs[0]][:, modes]
     values = np.full((5, len(models), modes.size), np.nan)
     shape = np.full((len(models), dofs[0].size, modes.size), np.nan, dtype=complex)
-    for k, (model, own) in enumerate(zip(models, dofs, strict=True)):
+    for k, (model, of_model) in enumerate(zip(models, dofs, strict=True)):
         rows, columns = match(
-            (models[0].frequency, models[0].shape[dofs[0]]), (model.frequency, model.shape[own])
+            (models[0].frequency, models[0].shape[dofs[0]]), (model.frequency, model.shape[of_model])
         )
         partner = dict(zip(rows.tolist(), columns.tolist(), strict=True))
         there = np.array([r in partner for r in modes.tolist()], dtype=bool)
         c = np.array([partner[r] for r in modes.tolist() if r in partner], dtype=np.int64)
-        used = model.shape[own][:, c]
+        used = model.shape[of_model][:, c]
         length = np.linalg.norm(used, axis=0)
         values[:, k, there] = (
             np.log(model.frequency[c]),
             (model.frequency_std[c] / model.frequency[c]) ** 2,
             np.log(model.damping[c]),
             (model.damping_std[c] / model.damping[c]) ** 2,
-            np.sum(model.shape_std[own][:, c] ** 2, axis=0) / length**2,
+            np.sum(model.shape_std[of_model][:, c] ** 2, axis=0) / length**2,
         )
         turn = modal_scale_factor(used, first[:, there])
         shape[k][:, there] = used / length * np.exp(1j * np.angle(turn))

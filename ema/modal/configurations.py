@@ -286,13 +286,15 @@ def _sensor_changed(
         number = int(sensor.max()) + 1
         if number == 1 or np.bincount(sensor).min() < _FEWEST_PER_SENSOR:
             continue
-        for own in range(1 if number == 2 else 0, number):  # of two, one beside the other says all
-            change = np.log(np.abs(_ratio(one, other, sensor == own) / _ratio(one, other, sensor != own)))
+        for position in range(1 if number == 2 else 0, number):  # of two, one beside the other says all
+            change = np.log(
+                np.abs(_ratio(one, other, sensor == position) / _ratio(one, other, sensor != position))
+            )
             median = float(np.median(change))
             error = 1.4826 * float(np.median(np.abs(change - median))) / np.sqrt(change.size)
             if abs(median) > max(gain, certain * error):
                 yield (
-                    f"sensor {own + 1} of each run reads {np.exp(median):.3g} times as much beside the others in "
+                    f"sensor {position + 1} of each run reads {np.exp(median):.3g} times as much beside the others in "
                     f"{models[k].name} as in {models[0].name} (median of {change.size} modes), though the structure is "
                     "the same: its calibration, range or mounting changed between the two"
                 )

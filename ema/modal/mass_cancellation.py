@@ -142,7 +142,7 @@ _MOST_SCALED = 5.0
 """Factor by which the shifts may say that the scale of a mode is another than that at the driving point."""
 _DIFFERENCE = 1e-6  # of an unknown, for derivatives
 _MOST_AT_FORCE = 10.0
-"""Factor by which sensors may change the shape at the force: next to its nodes nothing more is told."""
+"""Factor by which sensors may change the shape at the force: next to its nodes nothing more is seen."""
 _UNEVEN = 0.5
 """By how much, relative to their mean, the flexibilities that modes above the band have differ from place to place."""
 _SECOND_ORDER = 0.02

@@ -300,10 +300,10 @@ def _read_note(files: tuple[Path, ...]) -> str:
 
 def _std_notes(modes: FoundModes, std: ModesStd) -> list[str]:
     """Say which standard deviations neither the files nor the campaign state."""
-    own = {"frequency": modes.frequency_std, "damping": modes.damping_std, "shape": modes.shape_std}
+    std_of = {"frequency": modes.frequency_std, "damping": modes.damping_std, "shape": modes.shape_std}
     usual = [
         f"{100.0 * getattr(USUAL, key):g} % of the {key}"
-        for key, stated in own.items()
+        for key, stated in std_of.items()
         if np.isnan(stated).any() and getattr(std, key) is None
     ]
     if not usual:

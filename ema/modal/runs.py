@@ -141,7 +141,7 @@ def usable(run_std: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np
 
 
 Cause = Literal["none", "sensor mass", "drift", "all modes alike", "scatter"]
-_EACH = 3  # runs whose modes are told one by one
+_EACH = 3  # runs whose modes are reported one by one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -387,9 +387,9 @@ def _medians(modal_model: ModalModel) -> ModalModel:
         (-free.real / np.abs(free), usable(modal_model.run_damping_std, modal_model.damping_std)),
     )
     value, std = [], []
-    for own, noise in both:
-        scatter = run_scatter(own, noise)
-        value.append(_weighted_median(own, 1.0 / (noise**2 + scatter**2)))
+    for of_mode, noise in both:
+        scatter = run_scatter(of_mode, noise)
+        value.append(_weighted_median(of_mode, 1.0 / (noise**2 + scatter**2)))
         std.append(
             std_with_scatter(np.sum(noise**-2.0, axis=0) ** -0.5, noise, scatter) * np.sqrt(0.5 * np.pi)
         )

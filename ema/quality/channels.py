@@ -281,8 +281,8 @@ def _shares_outside(value: NDArray[np.complex128]) -> NDArray[np.float64]:
     for k in range(len(value)):
         others = np.delete(np.arange(len(value)), k)
         singular, vectors = _made_of(products[np.ix_(others, others)])
-        own = np.abs(vectors.conj().T @ products[others, k]) / singular
-        share[k] = 1.0 - np.sum(own**2) / max(products[k, k].real, np.finfo(float).tiny)
+        outside = np.abs(vectors.conj().T @ products[others, k]) / singular
+        share[k] = 1.0 - np.sum(outside**2) / max(products[k, k].real, np.finfo(float).tiny)
     return share
 
 

@@ -163,10 +163,10 @@ def _peaks(
     channel: tuple[str, ...],
     modal_model: ModalModel,
     *,
-    # Peaks that are told one by one.
-    most_told: int = 12,
+    # Peaks that are reported one by one.
+    most_listed: int = 12,
 ) -> Iterator[Verdict]:
-    listed, further = modal_model.unexplained[:most_told], modal_model.unexplained[most_told:]
+    listed, further = modal_model.unexplained[:most_listed], modal_model.unexplained[most_listed:]
     for peak in listed:
         names = listing([channel[c] for c in peak.channel], 6)
         beside = _beside(peak.frequency, modal_model)

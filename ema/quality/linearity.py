@@ -64,14 +64,14 @@ def check_force_levels(
     )
     compared: list[Verdict] = []
     for level in levels:
-        found = check(level, band)
+        of_level = check(level, band)
         compared += [
             _verdict("warn", f"{level.name} is compared without a channel: {v.message}")
-            for v in found
+            for v in of_level
             if v.level == "fail"
         ]
         try:
-            other = usable(level, found)
+            other = usable(level, of_level)
         except MeasurementError:
             continue
         compared += [

@@ -40,9 +40,9 @@ def find_peaks(
     top = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])) + 1
     lines = (starts[top] + ends[top]) // 2
     valley = np.maximum(_lowest(level)[lines], _lowest(level[::-1])[::-1][lines])
-    own = level[lines] - valley
-    kept = own >= prominence
-    return lines[kept].astype(np.int64), own[kept]
+    prominences = level[lines] - valley
+    kept = prominences >= prominence
+    return lines[kept].astype(np.int64), prominences[kept]
 
 
 def _lowest(level: NDArray[np.float64]) -> NDArray[np.float64]:

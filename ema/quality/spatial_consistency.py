@@ -104,7 +104,7 @@ FEWEST_POINTS = 6
 """Points from which on most of them say what the proportion of the forces is."""
 FEWEST_RESONANCES = 2
 """Resonances at which a function must be turned."""
-_SEEN = 0.3  # least size of a point's functions over their median, for its sign to be told
+_SEEN = 0.3  # least size of a point's functions over their median, for its sign to be seen
 
 
 @dataclass(frozen=True, kw_only=True)

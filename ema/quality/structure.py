@@ -1,7 +1,7 @@
 """Whether functions are FRFs of one structure in one state: their form, copies among them, and runs of other states.
 
 Small shifts from run to run, as a roving sensor's mass or temperature makes them, are compared after the
-identification (`ema.identification.run_poles`). Here whole runs are told apart that have other resonances, such as
+identification (`ema.identification.run_poles`). Here whole runs are separated that have other resonances, such as
 files of another bolt torque.
 """
 
@@ -50,7 +50,7 @@ def formless(
     channels : (n_channel,) int
         Outputs that are looked at.
     flat, not_flat : float
-        Range of levels, dB, of an output without a resonance, and of the usual one beside which it is told.
+        Range of levels, dB, of an output without a resonance, and of the usual one beside which it is reported.
     """
     if frf.frequency.size < LINES_OF_A_FUNCTION or not channels.size:
         return
@@ -165,7 +165,7 @@ def shared_functions(digests: Mapping[str, tuple[str, ...]], *, most: int = 3) -
     digests : mapping of str to tuple of str
         Of each configuration the digests of its functions, see `content_digests`.
     most : int
-        That are told one by one.
+        Configurations that are listed one by one.
     """
     names, sentences = list(digests), []
     for i, name in enumerate(names):
