@@ -1,10 +1,37 @@
+# ruff: noqa: E402  # the check comes before what it checks is imported
 """Measurement and model side by side: pairing, correlation, fitting, diagnosis, reports.
 
 Names are imported when they are first used; `__init__.pyi` says from where.
 """
 
-# ruff: noqa: E402  # the check comes before what it checks is imported
-from updating.packages import require_own_packages
+from importlib.util import find_spec
+from pathlib import Path
+
+
+def require_own_packages() -> None:
+    """Check that `ema` and `model`, names that others may have, too, are those that came with this package.
+
+    Raises
+    ------
+    ImportError
+        Python finds another one first; the message says where it is, and what to do.
+    """
+    own = Path(__file__).resolve().parents[1]
+    for name in ("ema", "model"):
+        found = find_spec(name)
+        if found is None or found.origin is None:
+            place = "nothing"
+        elif Path(found.origin).resolve().parent == own / name:
+            continue
+        else:
+            place = found.origin
+        message = (
+            f"Lamella needs its package {name!r}, which is in {own / name}, but Python finds {place}. Rename or move "
+            "that file or folder, start from another folder, or take its folder out of PYTHONPATH; of two installed "
+            "packages of one name keep Lamella in an environment of its own"
+        )
+        raise ImportError(message)
+
 
 require_own_packages()
 

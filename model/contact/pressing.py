@@ -21,7 +21,7 @@ from model.contact.pressure import InterfaceLaw, PressureField
 from model.elements.mesh import Plan, plan_of
 from model.elements.terms import footprint_points, plate_form
 from model.stack.errors import SolveError, StackError
-from model.stack.parts import Pressing, PressureDistribution
+from model.stack.parts import PLATE_POISSON, Pressing, PressureDistribution
 from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
@@ -34,7 +34,6 @@ _FORCING = 1e-2  # residual of the linear solution relative to the Newton residu
 _RATIO = 1.8  # of neighbouring values over z that share one planar factor of the preconditioner
 _RIGID = 1e7  # bending stiffness of a rigid plate in the preconditioner, relative to a lamina
 _FLOOR = 1e-6  # of the mean tangent; lost contact would make the preconditioner singular
-_PLATE_POISSON = 0.3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -228,7 +227,7 @@ def pressure_distribution(stack: Stack) -> PressureDistribution | None:
 def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) -> _Problem:
     t = stack.pitch
     bending = t**3 / 12.0 * plate_form(plan, stack.material.plane_stress())
-    nu, rigid = _PLATE_POISSON, bool(np.isinf(pressing.plate_rigidity))
+    nu, rigid = PLATE_POISSON, bool(np.isinf(pressing.plate_rigidity))
     rigidity = 0.0 if rigid else pressing.plate_rigidity
     own = t**3 / 12.0 * stack.material.plane_stress()[0]
     plate = rigidity * plate_form(plan, (1.0, nu, 1.0, (1.0 - nu) / 2.0))

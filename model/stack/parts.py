@@ -18,6 +18,8 @@ Edge = Literal["left", "right", "front", "back", "all"]
 
 Laminas = Literal["all", "bottom", "top", "faces"]
 
+PLATE_POISSON = 0.3
+"""Poisson's ratio of the plates that press a stack: of steel."""
 _MOST_ELEMENTS = 1000  # along a side; more is a slip, and would fill the memory before anything is said
 
 

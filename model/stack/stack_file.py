@@ -19,6 +19,7 @@ from model.stack.files import plain_text
 from model.stack.inputs import read_curve
 from model.stack.parts import (
     NO_CONTACT,
+    PLATE_POISSON,
     Clamp,
     Contact,
     Distribution,
@@ -33,7 +34,6 @@ from model.stack.parts import (
 )
 from model.stack.stack import Stack
 
-_PLATE_POISSON = 0.3
 _TOUCHING_MM = 1e-6  # of rounding
 _Large = Annotated[float, Field(le=1e12)]
 """A number in the units of a file: none of a real stack is as large, and products of such are still finite."""
@@ -452,7 +452,7 @@ def _pressing(given: _Pressing, folder: Path) -> Pressing:
     rigidity = math.inf
     if given.plate_thickness_mm is not None:
         thickness = given.plate_thickness_mm * 1e-3
-        rigidity = given.plate_young_GPa * 1e9 * thickness**3 / (12.0 * (1.0 - _PLATE_POISSON**2))
+        rigidity = given.plate_young_GPa * 1e9 * thickness**3 / (12.0 * (1.0 - PLATE_POISSON**2))
     return Pressing(curve=read_curve(folder / given.curve), plate_rigidity=rigidity)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from updating.correlation.correlation import correlate_frf, fdac
-from updating.correlation.plots import frf_correlation_figure
 from updating.errors import UpdatingError
 
 LINES = np.linspace(10.0, 100.0, 181)
@@ -59,11 +58,3 @@ def test_different_functions_are_refused():
         fdac(functions(), functions()[:, :1])
     with pytest.raises(UpdatingError, match="181 lines were given with 180 frequencies"):
         correlate_frf(functions(), functions(), LINES[1:])
-
-
-def test_the_figure_shows_every_function():
-    found = correlate_frf(functions(), functions(1.1), LINES)
-    over_frequency, by_function = frf_correlation_figure(found).axes
-    height = [bar.get_height() for bar in by_function.patches]
-    np.testing.assert_allclose(height, [*found.frac[:, 0], *found.frac[:, 1]])
-    assert [line.get_label() for line in over_frequency.lines] == ["CSAC", "CSF"]

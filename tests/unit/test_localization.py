@@ -11,7 +11,7 @@ from PIL import Image
 
 import model
 from updating.correlation.localization import (
-    KINDS,
+    ENERGY_KINDS,
     Regions,
     energy_by_region,
     map_error,
@@ -123,7 +123,7 @@ def uniform(error_map, stack):
     return error_map(stack.with_contact(G_f=0.8 * 1480.0))
 
 
-TANGENTIAL = KINDS.index("tangential contact")
+TANGENTIAL = ENERGY_KINDS.index("tangential contact")
 
 
 def test_energies_add_up_to_the_terms_of_the_equations(system, stack, observation):
@@ -203,14 +203,14 @@ def test_a_uniform_change_is_ascribed_to_its_kind(uniform):
 
 def test_wrong_laminas_are_ascribed_to_the_laminas(error_map, stack):
     found = error_map(dataclasses.replace(stack, material=dataclasses.replace(stack.material, young=160e9)))
-    assert KINDS[np.argmax(found.explained)] == "lamina membrane"
+    assert ENERGY_KINDS[np.argmax(found.explained)] == "lamina membrane"
     np.testing.assert_allclose(found.change[0], -0.2, atol=0.05)
 
 
 def test_wrong_mass_is_ascribed_to_the_mass(error_map, stack):
     heavy = dataclasses.replace(stack.material, density=1.1 * 7650.0)
     found = error_map(dataclasses.replace(stack, material=heavy))
-    assert KINDS[np.argmax(found.explained)] == "mass"
+    assert ENERGY_KINDS[np.argmax(found.explained)] == "mass"
     assert 0.0 < found.change[-1] < 0.1  # the clamps, part of the mass, did not change
 
 

@@ -293,3 +293,9 @@ def plain(
         extra=nothing if extra is None else extra,
         form=np.arange(n, dtype=np.intp) // max(n_cell, 1),
     )
+
+
+def three(values: Vector) -> tuple[float, float, float]:
+    """Return a location as plain numbers."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z

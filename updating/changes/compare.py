@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp, ndtri
 
 from ema.campaign.campaign_file import Reassembly
-from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places
+from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places, three
 from updating.changes.damping import damping_changes
 from updating.changes.fields import Fields
 from updating.changes.kinds import KINDS
@@ -407,9 +407,9 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
         log_odds=odds,
         probability=probability,
         local=own.kind.local,
-        place=_three(mean) if own.kind.local else nowhere,
-        place_std=_three(spread) if own.kind.local else nowhere,
-        best=_three(candidates.place[i]) if own.kind.local else nowhere,
+        place=three(mean) if own.kind.local else nowhere,
+        place_std=three(spread) if own.kind.local else nowhere,
+        best=three(candidates.place[i]) if own.kind.local else nowhere,
         quantity=own.kind.quantity,
         unit=own.kind.unit,
         size=middle,
@@ -457,11 +457,6 @@ def _part(at: Fields, kind: Kind, number: int) -> str:
     if "edge" not in kind.name:
         return f"clamp {number + 1}"
     return f"the {at.stack.supports[number].edge} edge"  # type: ignore[union-attr]  # patches are no edges
-
-
-def _three(values: Vector) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z
 
 
 def _quantiles(value: Vector, share: Vector, levels: Sequence[float]) -> list[float]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from updating.changes.candidate import Candidates, Part, at_heights, places, plain
+from updating.changes.candidate import Candidates, Part, at_heights, places, plain, three
 from updating.changes.fields import Fields
 from updating.changes.kinds.edges import all_over, interfaces
 from updating.changes.kinds.laminas import patches
@@ -81,7 +81,7 @@ def _dashpot(fields: Fields, at: Vector) -> Candidates:
     return plain(at_heights(centre, 0.0), (part,), n_cell=len(at))
 
 
-KINDS = (
+DAMPING_KINDS = (
     DampingKind(name="more_loss", label="more damping of all modes alike", sign=1.0),
     DampingKind(name="less_loss", label="less damping of all modes alike", sign=-1.0),
     DampingKind(
@@ -131,7 +131,7 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
     noise, n = at.damping_noise[known], len(at.reference.tested)
     place, _ = places(at.fields)
     found = []
-    for kind in KINDS:
+    for kind in DAMPING_KINDS:
         candidates = None if kind.candidates is None else kind.candidates(at.fields, place)
         if candidates is None and kind.candidates is not None:
             continue
@@ -187,9 +187,9 @@ def _kind(
     mean, spread, best = nowhere, nowhere, nowhere
     if kind.local and candidates is not None:
         centre = each @ candidates.place
-        mean = _three(centre)
-        spread = _three(np.sqrt(each @ (candidates.place - centre) ** 2))
-        best = _three(candidates.place[int(np.argmax(each))])
+        mean = three(centre)
+        spread = three(np.sqrt(each @ (candidates.place - centre) ** 2))
+        best = three(candidates.place[int(np.argmax(each))])
     return KindOfChange(
         name=kind.name,
         label=kind.label,
@@ -210,8 +210,3 @@ def _kind(
         part="",
         explained=float("nan"),
     )
-
-
-def _three(values: Vector) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -14,7 +14,7 @@ from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
 from model import catalogue, find_effects
 from updating.commands.diagnose import diagnose_campaign
-from updating.commands.fit import Asked, campaign_ledger, fit_campaign
+from updating.commands.fit import LEAST_MAC, Asked, campaign_ledger, fit_campaign
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
@@ -83,9 +83,6 @@ def _installed(name: str) -> Path:
     return top
 
 
-_LEAST_MAC = 0.8
-
-
 @single_threaded
 def demo_command(output: Path) -> None:
     """Tell the whole story on the shipped campaign."""
@@ -94,7 +91,7 @@ def demo_command(output: Path) -> None:
         "A vibration test of a bolted stack of 240 sheets at two torques: a shaker, two accelerometers that rove over "
         "44 points. It was simulated with noise and tolerances by a model that shares nothing with this one."
     )
-    done = [one for one in fit_campaign(campaign, output, _LEAST_MAC, OUT) if not isinstance(one, Failed)]
+    done = [one for one in fit_campaign(campaign, output, LEAST_MAC, OUT) if not isinstance(one, Failed)]
     modes = " and ".join(f"{own.modal_model.frequency.size} at {own.modal_model.name}" for own, _ in done)
     errors = " and ".join(f"{percent(fitted.error)} at {fitted.name}" for _, fitted in done)
     _say(f"1. Identify: {modes} are the modes that the functions show.")

@@ -6,9 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
@@ -20,7 +18,7 @@ from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
 from updating.changes.compare import what_changed
 from updating.changes.situation import FittedReference, fit_reference
-from updating.commands.specimens import diagnose_pooled, print_pooled
+from updating.commands.specimens import MOST_EXPLANATIONS, diagnose_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import Campaigned
@@ -156,17 +154,6 @@ class _Models:
             )
         states = [self._campaigned(n) for n in (name, *(n for n in repeats if n != name))]
         return what_changed(self.fitted[reference], states, self.campaign.reassembly, seen=change.changed)
-
-
-_MOST_EXPLANATIONS = 8
-
-Reference = Annotated[
-    bool,
-    typer.Option(
-        "--reference",
-        help="Where configurations have a reference: diagnose the model beside the references, not what changed.",
-    ),
-]
 
 
 @single_threaded
@@ -368,7 +355,7 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
     table.add_column("effects", no_wrap=True)
     for name in ("proba-\nbility", "explained\n[%]", "f error\n[%]", "left out\n[%]"):
         table.add_column(name, justify="right")
-    for own in diagnosis.shown(_MOST_EXPLANATIONS):
+    for own in diagnosis.shown(MOST_EXPLANATIONS):
         table.add_row(
             " +\n".join(own.effects) or "none",
             f"{own.probability:.3f}",

@@ -50,6 +50,9 @@ from updating.results.store import folder_name, kept, write_result
 from updating.results.text import parameter_text
 from updating.workers.workers import in_parallel, workers
 
+LEAST_MAC = 0.8
+"""Smallest MAC that makes a pair of modes where a command does not ask for it, as `lamella fit` has by default."""
+
 
 @single_threaded
 def fit_command(

@@ -17,7 +17,7 @@ from ema.plot import palette
 from ema.plot.figures import stabilization_figure
 from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
-from updating.commands.fit import fit_campaign
+from updating.commands.fit import LEAST_MAC, fit_campaign
 from updating.commands.terminal import OUT
 from updating.errors import StoreError
 from updating.fitting.plots import SWELL, ShapePair, shape_pairs
@@ -228,15 +228,12 @@ class _Shapes:
         self.plotter.render()
 
 
-_LEAST_MAC = 0.8
-
-
 @single_threaded
 def open_command(path: Path, output: Path | None, port: int, *, browser: bool, identify_anew: bool) -> None:
     """Serve the workbench of a folder, a campaign or its results until Ctrl-C."""
 
     def make(campaign: Path, folder: Path) -> None:
-        for _ in fit_campaign(campaign, folder, _LEAST_MAC, OUT):
+        for _ in fit_campaign(campaign, folder, LEAST_MAC, OUT):
             pass
 
     def ready(address: str) -> None:

@@ -21,7 +21,7 @@ from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanatio
 from updating.results.store import kept
 from updating.workers.workers import workers
 
-_MOST_EXPLANATIONS = 8
+MOST_EXPLANATIONS = 8
 
 
 def diagnose_pooled(
@@ -109,7 +109,7 @@ def pooled_table(found: PooledDiagnosis) -> Table:
     table.add_column("effects, and whose they are")
     for name in ("proba-\nbility", "f error\n[%]", "specimen\nleft out\n[%]", "torque\nleft out\n[%]"):
         table.add_column(name, justify="right")
-    for own in found.ranking[:_MOST_EXPLANATIONS]:
+    for own in found.ranking[:MOST_EXPLANATIONS]:
         table.add_row(
             explanation_text(own),
             f"{own.probability:.3f}",

@@ -23,7 +23,7 @@ from updating.errors import UpdatingError
 
 Vector = NDArray[np.float64]
 
-KINDS = ("lamina membrane", "lamina bending", "tangential contact", "normal contact", "mass")
+ENERGY_KINDS = ("lamina membrane", "lamina bending", "tangential contact", "normal contact", "mass")
 """Kinds of stiffness, and the mass last. A soft layer counts as the contact that it takes the place of."""
 
 TERM = {
@@ -91,7 +91,7 @@ def modal_energy(system: ReducedSystem, modes: Modes, theta: Mapping[str, float]
     Returns
     -------
     (n_mode, n_kind, n_x, n_y, n_z) float
-        Kinds in the order of `KINDS`.
+        Kinds in the order of `ENERGY_KINDS`.
     """
     energy = energy_by_region(system, system.basis @ modes.coordinate, theta, where)
     stiffness, mass = (
@@ -129,7 +129,7 @@ def energy_by_region(
     points = _Points(system, where)
     scale = _scales(system, theta)
     shear, normal = _contact_moduli(system.stack, points.location)
-    found = np.zeros((displacement.shape[1], len(KINDS), *where.shape))
+    found = np.zeros((displacement.shape[1], len(ENERGY_KINDS), *where.shape))
     for i, x in enumerate(displacement.T):
         for j, (kind, density) in enumerate(_densities(points, x, shear, normal).items()):
             found[i, j] = scale[kind] * points.sums(density)
@@ -181,7 +181,7 @@ def _bin(value: Vector, edges: Vector) -> NDArray[np.intp]:
 def _scales(system: ReducedSystem, theta: Mapping[str, float]) -> dict[str, float]:
     """Return by how much the factor of each kind's term differs from the stack's own."""
     factor = {term.name: term.factor for term in system.assembly.terms}
-    return {kind: factor[TERM[kind]](theta) / factor[TERM[kind]](system.theta) for kind in KINDS}
+    return {kind: factor[TERM[kind]](theta) / factor[TERM[kind]](system.theta) for kind in ENERGY_KINDS}
 
 
 def _contact_moduli(stack: Stack, location: Vector) -> tuple[Vector, Vector]:
@@ -235,7 +235,7 @@ def _densities(points: _Points, x: Vector, shear: Vector, normal: Vector) -> dic
         normal / spacing * np.diff(w, axis=0) ** 2,
         stack.material.density * t * (u**2 + v**2 + w**2 + rotation),
     )
-    return dict(zip(KINDS, densities, strict=True))
+    return dict(zip(ENERGY_KINDS, densities, strict=True))
 
 
 def _clamp_energy(system: ReducedSystem, x: Vector, where: Regions) -> Vector:
@@ -275,7 +275,7 @@ class ErrorMap:
     frequency : (n_mode,) float
         Measured natural frequencies of the modes that it is made from, Hz.
     error : (n_mode, n_stiffness, n_x, n_y, n_z) float
-        e' K e of each kind of stiffness (`KINDS` without the mass) and region, over u' K u of the whole mode.
+        e' K e of each kind of stiffness (`ENERGY_KINDS` without the mass) and region, over u' K u of the whole mode.
     strain : (n_mode, n_stiffness, n_x, n_y, n_z) float
         u' K u likewise.
     total : (n_mode,) float
@@ -289,7 +289,7 @@ class ErrorMap:
         where the model meets the shape anyway.
     explained : (n_kind,) float
         Share of the squared eigenvalue errors of the expanded shapes that one common change of all of a kind
-        explains, in the order of `KINDS`. The shares of kinds overlap: less stiffness and more mass look alike.
+        explains, in the order of `ENERGY_KINDS`. The shares of kinds overlap: less stiffness and more mass look alike.
     change : (n_kind,) float
         That change, as a ratio: -0.2 asks for a fifth less stiffness (or mass) of that kind. Where it lies far beyond
         -1 or 1, that kind is not what is wrong, however much it explains.
@@ -306,7 +306,7 @@ class ErrorMap:
     change: Vector
 
     def __post_init__(self) -> None:
-        n_mode, n_kind = np.size(self.frequency), len(KINDS)
+        n_mode, n_kind = np.size(self.frequency), len(ENERGY_KINDS)
         by_region = (n_mode, n_kind - 1, *self.regions.shape)
         shapes = {"error": by_region, "strain": by_region, "explained": (n_kind,), "change": (n_kind,)}
         for field in fields(self):
@@ -355,17 +355,17 @@ class ErrorMap:
 
 
 def stiffness_index(kind: str) -> int:
-    """Return the place of a kind of stiffness in `KINDS`.
+    """Return the place of a kind of stiffness in `ENERGY_KINDS`.
 
     Raises
     ------
     UpdatingError
         There is no such kind.
     """
-    if kind not in KINDS[:-1]:
-        message = f"unknown kind of stiffness {kind!r}; there are {', '.join(KINDS[:-1])}"
+    if kind not in ENERGY_KINDS[:-1]:
+        message = f"unknown kind of stiffness {kind!r}; there are {', '.join(ENERGY_KINDS[:-1])}"
         raise UpdatingError(message)
-    return KINDS.index(kind)
+    return ENERGY_KINDS.index(kind)
 
 
 def map_error(
@@ -472,7 +472,7 @@ def _span(
 def _matrices(system: ReducedSystem, basis: Vector, theta: Mapping[str, float]) -> Matrices:
     """Project the terms on the basis, by kind."""
     size = basis.shape[1]
-    found: Matrices = {kind: np.zeros((size, size)) for kind in (*KINDS, "other")}
+    found: Matrices = {kind: np.zeros((size, size)) for kind in (*ENERGY_KINDS, "other")}
     kind_of = {name: kind for kind, name in TERM.items() if name != "laminas"}
     for term in system.assembly.terms:
         if term.target == "C":
@@ -543,7 +543,7 @@ def _common_changes(found: list[_Fields]) -> tuple[Vector, Vector]:
     """
     inertia = np.array([f.omega**2 * (f.u @ f.matrices["mass"] @ f.u) for f in found])
     error = inertia - 1.0
-    share = np.array([[f.u @ f.matrices[kind] @ f.u for kind in KINDS[:-1]] for f in found])
+    share = np.array([[f.u @ f.matrices[kind] @ f.u for kind in ENERGY_KINDS[:-1]] for f in found])
     columns = np.column_stack([share, -inertia])
     cross, norm = columns.T @ error, np.sum(columns**2, axis=0)
     return _over(cross**2, norm * (error @ error)), _over(cross, norm)

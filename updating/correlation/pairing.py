@@ -35,6 +35,8 @@ from updating.errors import PairingError
 MARGIN = 0.05
 """Difference of MAC below which frequency, damping and cross-orthogonality may decide instead."""
 
+N_MODE = 22
+"""Modes of the model that are solved for pairing, the six rigid-body modes included."""
 _FREQUENCY_SCATTER = 0.1  # relative error of model frequencies beyond the error that all share
 
 _WORST_CONDITION = 20.0  # of the model's shapes at the measured points: above it their mass says nothing new

@@ -13,7 +13,7 @@ from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, synthesize_runs
 from model import Stack
-from updating.correlation.correlation import FrfCorrelation, PointCorrelation
+from updating.correlation.correlation import PointCorrelation
 from updating.correlation.localization import ErrorMap, Regions, stiffness_index
 
 if TYPE_CHECKING:
@@ -150,23 +150,6 @@ def region_plotter(
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
     return plotter
-
-
-def frf_correlation_figure(correlation: FrfCorrelation) -> Figure:
-    """Draw CSAC and CSF over frequency above the FRAC of each function."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    over_frequency, by_function = figure.subplots(2, 1)
-    curves = {"CSAC": correlation.csac, "CSF": correlation.csf}
-    for (name, values), color in zip(curves.items(), palette.SERIES, strict=False):
-        over_frequency.plot(correlation.frequency, values, color=color, linewidth=1, label=name)
-    over_frequency.set(xlabel="frequency [Hz]", ylabel="agreement", ylim=(0.0, 1.05))
-    over_frequency.legend(frameon=False, ncols=2)
-    frac = correlation.frac.ravel(order="F")
-    by_function.bar(np.arange(1, frac.size + 1), frac, color=palette.SERIES[0])
-    by_function.set(xlabel="function (outputs of each input in turn)", ylabel="FRAC", ylim=(0.0, 1.05))
-    return figure
 
 
 def comac_figure(points: PointCorrelation) -> Figure:

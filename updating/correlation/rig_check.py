@@ -19,12 +19,12 @@ from ema.modal.configurations import factor_text
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
 from model import Modes, Observation, ReducedSystem, Stack, observe, sample_points, solve_modes
+from updating.correlation.pairing import N_MODE
 from updating.correlation.registration import register
 from updating.errors import PairingError
 
 Vector = NDArray[np.float64]
 
-_N_MODE = 22
 _TRIALS = 25  # of G_f
 _PAIRED = 0.8
 """MAC from which a measured mode tells of the force, with the model's shape in its place."""
@@ -194,7 +194,7 @@ def check_rig(
             equations,
             G_f=float(g),
             d_f=0.0,
-            n_mode=min(_N_MODE, equations.size),
+            n_mode=min(N_MODE, equations.size),
             observation=observed,
             parameters={"pressure": pressure},
             by=(),

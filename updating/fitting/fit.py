@@ -15,7 +15,7 @@ from ema.types.modal_model import ModalModel
 from ema.types.shown import Shown
 from ema.types.threads import single_threaded
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
-from updating.correlation.pairing import Pairing, pair, require_points
+from updating.correlation.pairing import N_MODE, Pairing, pair, require_points
 from updating.correlation.registration import register, visible
 from updating.correlation.rig_check import RigCheck, check_rig, upright
 from updating.errors import FitError
@@ -95,7 +95,6 @@ FREQUENCY_FORM, DAMPING_FORM = 1e-3, 1e-2
 """Relative errors of frequencies and damping ratios that a right model has for its form alone: of the mesh, of nominal
 sizes, of a contact law that is smooth. An interval that leaves them out promises digits that nobody can measure."""
 
-_N_MODE = 22  # that are solved for pairing, rigid-body modes included
 
 _N_SNAPSHOT_MODE = 18  # of each snapshot; over the range of G_f they span more
 
@@ -251,7 +250,7 @@ def fit(
     require_points(measured)
     registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
     single = stack.n_lamina == 1
-    n_mode = _N_MODE if single else _N_SNAPSHOT_MODE  # no G_f gives one lamina other modes
+    n_mode = N_MODE if single else _N_SNAPSHOT_MODE  # no G_f gives one lamina other modes
     system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=1 if single else N_SNAPSHOT, n_mode=n_mode)
     observed = observe(system, registration.observation)
     rig = upright(check_rig(system, stack.contact.pressure, measured, G_f_bounds))
@@ -474,7 +473,7 @@ def _modes_that_pair(
 
 
 def _elastic(system: ReducedSystem, observed: Observed, G_f: float, d_f: float) -> Modes:
-    return solve_modes(system, G_f=G_f, d_f=d_f, n_mode=_N_MODE, observation=observed).elastic()
+    return solve_modes(system, G_f=G_f, d_f=d_f, n_mode=N_MODE, observation=observed).elastic()
 
 
 def _assign(shape: NDArray[np.complex128], modes: Modes) -> NDArray[np.int64]:

@@ -19,7 +19,7 @@ from ema.types.threads import single_threaded
 from model import Modes, Observation, ReducedSystem, Stack, reduce, solve_modes
 from model.modes.modes import Observed, observe
 from updating.correlation.criteria import class_grid, shape_classes
-from updating.correlation.pairing import pair
+from updating.correlation.pairing import N_MODE, pair
 from updating.correlation.registration import register, visible
 from updating.errors import FitError
 from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT
@@ -206,10 +206,6 @@ def target_of_table(
         shape=np.empty((0, n_mode)),
         shape_std=np.empty((0, n_mode)),
     )
-
-
-N_MODE = 22
-"""Modes that are solved for pairing, the six rigid-body modes included."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from ema.campaign.campaign_file import DAMPING_SCATTER, FREQUENCY_SCATTER
 from updating.fitting.target import Prepared, solve_target
 from updating.published.campaign import Calibrated, Published, prepare_published
 
@@ -38,10 +39,8 @@ SAID = {
     "lubricant": "d_f rises by as much as 150 %, G_f practically not (fig. 15)",
 }
 """What the text of the paper says; its figures have no numbers but those of Table 6."""
-FREQUENCY_SCATTER = 3e-3 * 2.0**0.5
-"""Least relative scatter of a frequency between two stacks: what one reassembly brings to each."""
-DAMPING_SCATTER = 0.2 * 2.0**0.5
-"""The same of a damping ratio."""
+_BETWEEN_TWO = 2.0**0.5
+"""Scatter between two stacks over what one reassembly brings to each, the least that it can be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +138,7 @@ def _treatment(
     for treated, twin in pairs:
         s = np.sqrt(_sensitivity(at_320[twin], G_f[twin]) * _sensitivity(at_320[treated], G_f[treated]))
         moved = _log(at_320[treated].target.frequency) - _log(at_320[twin].target.frequency)
-        stiffness.append(slope(s, moved, FREQUENCY_SCATTER))
+        stiffness.append(slope(s, moved, _BETWEEN_TWO * FREQUENCY_SCATTER))
         if f"{treated} M1" in both and f"{twin} M1" in both:
             damping.append(_damping(both, treated, twin, G_f))
             ratio = [
@@ -147,7 +146,7 @@ def _treatment(
                 for own in (treated, twin)
             ]
             doubled = np.log(data.pressure["M2"] / data.pressure["M1"])
-            exponent.append(slope(s * doubled, ratio[0] - ratio[1], FREQUENCY_SCATTER))
+            exponent.append(slope(s * doubled, ratio[0] - ratio[1], _BETWEEN_TWO * FREQUENCY_SCATTER))
     listed = list[tuple[str, float, float]]()
     for treated, twin in pairs:
         if treated in data.contact and twin in data.contact:
@@ -175,7 +174,7 @@ def _damping(both: dict[str, Prepared], treated: str, twin: str, G_f: dict[str, 
         ]
         moved.append(per_d_f[0] - per_d_f[1])
     found = np.concatenate(moved)
-    return slope(np.ones(found.size), found, DAMPING_SCATTER)
+    return slope(np.ones(found.size), found, _BETWEEN_TWO * DAMPING_SCATTER)
 
 
 def _log(values: Vector | None) -> Vector:

@@ -45,7 +45,7 @@ from updating.report.modes_part import (
     pair_tables,
     shape_section,
 )
-from updating.report.part import Picture, Table
+from updating.report.part import N_COLOUR, Picture, Table
 from updating.report.results import Results, Tested
 from updating.results.store import folder_name, write_bytes
 from updating.results.text import interval_text, parameter_text, percent
@@ -312,8 +312,6 @@ _PAUSE = 60  # ms between them
 
 _DPI = 140
 
-_COLOURS = 32
-
 
 def write_gifs(results: Results) -> tuple[Path, ...]:
     """Write one period of every mode shape, measured, modelled and both, to `figures` and return the files.
@@ -345,7 +343,7 @@ def shape_gif(pair: ShapePair) -> bytes:
         )
         drawn = io.BytesIO()
         shape_pair_figure(moved).savefig(drawn, format="png", dpi=_DPI)
-        pictures.append(Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE))
+        pictures.append(Image.open(drawn).convert("RGB").quantize(N_COLOUR, dither=Image.Dither.NONE))
     out = io.BytesIO()
     pictures[0].save(
         out, format="gif", save_all=True, append_images=pictures[1:], duration=_PAUSE, loop=0, disposal=1

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ema.plot import palette
 from model import catalogue, reduce
 from model.stack.effect import Family
-from updating.correlation.localization import KINDS, ErrorMap, map_error, regions, stiffness_index
+from updating.correlation.localization import ENERGY_KINDS, ErrorMap, map_error, regions, stiffness_index
 from updating.correlation.plots import LEAST_SCALE, error_map_picture
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis
@@ -94,7 +94,7 @@ def error_map(tested: Tested, fit: Fit) -> ErrorMap:
 def most_likely_kind(found: ErrorMap) -> str:
     """Return the kind of stiffness that explains most of the error with a change that can be."""
     possible = np.abs(found.change[:-1]) < 1.0
-    return KINDS[int(np.argmax(np.where(possible, found.explained[:-1], -1.0)))]
+    return ENERGY_KINDS[int(np.argmax(np.where(possible, found.explained[:-1], -1.0)))]
 
 
 def map_picture(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> Picture:
@@ -107,7 +107,7 @@ def map_picture(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> Picture
         content=fewer_colours(error_map_picture(found, fit.stack, kind)),
         form="png",
         data=as_csv(
-            ("x [m]", "y [m]", "z [m]", *(f"{k}: error over its mean" for k in KINDS[:-1])),
+            ("x [m]", "y [m]", "z [m]", *(f"{k}: error over its mean" for k in ENERGY_KINDS[:-1])),
             zip(*columns, strict=True),
         ),
         alt="Error over the stack",
@@ -120,7 +120,7 @@ def map_picture(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> Picture
 
 def _peak(found: ErrorMap, kind: str) -> str:
     """Say where the error of a kind is largest, or that it is of one size."""
-    if found.contrast[KINDS.index(kind)] < _LOCAL:
+    if found.contrast[ENERGY_KINDS.index(kind)] < _LOCAL:
         return " It is spread as the strain energy is; no one place stands out."
     low, high = found.peak(kind)
     return f" Largest between x = {round(1e3 * low[0])} and {round(1e3 * high[0])} mm."
@@ -205,7 +205,7 @@ def kind_table(found: ErrorMap) -> Table:
                 f"{100 * found.change[i]:+.3g}" if abs(found.change[i]) <= 1.0 else "more than 100",
                 "" if kind == "mass" else f"{found.contrast[i]:.2f}",
             )
-            for i, kind in enumerate(KINDS)
+            for i, kind in enumerate(ENERGY_KINDS)
         ),
         note="Shares overlap: less stiffness and more mass look alike. A change of more than 100 % cannot be. "
         "Contrast: 0 where the error is spread as the strain energy, towards 1 where it sits in one place.",
@@ -213,7 +213,7 @@ def kind_table(found: ErrorMap) -> Table:
 
 
 def _sentence(found: ErrorMap, kind: str, size: float) -> str:
-    i = KINDS.index(kind)
+    i = ENERGY_KINDS.index(kind)
     low, high = found.peak(kind)
     text = (
         f"The shapes and frequencies of {found.frequency.size} modes ask for a change of stiffness by about "

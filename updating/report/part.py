@@ -30,7 +30,7 @@ _NUMBER = re.compile(r"\(?[-+]?\d[^A-DF-Za-df-z]*$")
 
 _LONG = 30  # characters of a cell
 
-_COLOURS = 32  # of an embedded picture: line drawings need no more, and it is a fifth of the size
+N_COLOUR = 32  # of an embedded picture: line drawings need no more, and it is a fifth of the size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -294,7 +294,7 @@ def svg(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def png(figure: Figure, n_colour: int = _COLOURS) -> bytes:
+def png(figure: Figure, n_colour: int = N_COLOUR) -> bytes:
     """Return a matplotlib figure as a small PNG: one with thousands of points is smaller so than as SVG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image

@@ -15,6 +15,7 @@ from ema.types.geometry import Dofs
 from model import Formula, Observation, Observed, ReducedSystem, SolveError
 from model.elements.equations import OMEGA, Product, Target
 from model.reduction.reduced_equations import full
+from updating.correlation.pairing import N_MODE
 from updating.virtual.vibration_test import Averaging, Specimen, VirtualTest, specimens
 
 _POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
@@ -212,9 +213,6 @@ def loaded_response(
             value[group, first : first + omega.size] = np.linalg.solve(system, here)[:, :, 0].T
     return value
 
-
-N_MODE = 22
-"""Modes that are computed, the rigid-body modes included."""
 
 _VISIBLE = (
     0.01  # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker

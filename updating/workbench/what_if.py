@@ -20,6 +20,7 @@ from model import Modes, Observed, Stack, catalogue, find_effects, observe, read
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.explained_model import explained_stack, finer_ratio
+from updating.diagnosis.fit_settings import CONTACT
 from updating.errors import PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, frequency_error
 from updating.fitting.target import Prepared, partners, prepare, solve_every, stack_in_state, target_of_modes
@@ -30,7 +31,6 @@ from updating.results.text import quantity
 
 STEPS = 1000  # of a slider
 
-CONTACT = ("G_f", "d_f")
 
 _PRESSURES = (0.25, 4.0)  # of the stated one, over which it can be tried
 
