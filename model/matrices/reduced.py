@@ -535,7 +535,7 @@ def _near(
 
 
 def _spacing(place: Vectors) -> Vectors:
-    """Return the distance between planes of nodes along x, y and z, (3,), by which neighbours are told."""
+    """Return the distance between planes of nodes along x, y and z, (3,), by which neighbours are known."""
     extent = np.ptp(place, axis=0)
     largest = float(extent.max()) or 1.0
     planes = [np.unique(np.round(along / (_SAME * largest))).size for along in place.T]

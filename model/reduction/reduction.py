@@ -323,7 +323,7 @@ def _snapshot_modes(
     product: Product,
     n_mode: int,
 ) -> NDArray[np.float64]:
-    """Return the strained modes at all samples, of unit energy.
+    """Return the elastic modes at all samples, of unit energy.
 
     The first samples start from `starts`, the others from the modes in the space of those before them.
     """
@@ -343,8 +343,8 @@ def _snapshot_modes(
             sample, shift, np.hstack([start, fresh]), n_mode, _TOLERANCE, rigid, _MIN_STEPS
         )
         space = _extended(space, vectors[:, :n_mode], product)
-        strained = np.flatnonzero(values[:n_mode] > FREE * shift)
-        modes.append(vectors[:, strained] / np.sqrt(values[strained]))
+        elastic = np.flatnonzero(values[:n_mode] > FREE * shift)
+        modes.append(vectors[:, elastic] / np.sqrt(values[elastic]))
     return np.hstack(modes)
 
 

@@ -179,7 +179,7 @@ class ThroughThicknessBasis:
 
 
 def n_rigid(stack: Stack) -> int:
-    """Return how many rigid-body modes come before those that are strained: none where supports hold the stack.
+    """Return how many rigid-body modes come before the elastic ones: none where supports hold the stack.
 
     What its supports leave free is sought like any other mode.
     """
@@ -279,7 +279,7 @@ def _smooth_modes(
 
 
 def _elastic(eigenvalues: Sequence[Vector], modes: Sequence[Vector], shifts: Sequence[float]) -> Vector:
-    """Return the strained modes of all samples, of unit energy, so that every one counts alike.
+    """Return the elastic modes of all samples, of unit energy, so that every one counts alike.
 
     Very soft ones, as of a stack on springs, have less: what the iteration leaves in them would pass for functions of
     z.

@@ -42,10 +42,10 @@ _WRONG, _RIGHT = 0.2, 0.35
 """Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it where one
 is corrected."""
 _CLOSE = 0.1
-"""Mean distance that a sensor put right must leave: one side turned makes torsion of bending, and a few modes of a
+"""Mean distance that a corrected sensor must leave: one side turned makes torsion of bending, and a few modes of a
 poor model lie as near that way round."""
 _GAINS = np.geomspace(1.0 / 40.0, 40.0, 19)
-"""Factors that are tried on a sensor, and 1 among them; shapes are told to be right within a quarter."""
+"""Factors that are tried on a sensor, and 1 among them; shapes are right within a quarter."""
 _FAR = 0.2  # of the logarithm of a frequency
 _GRAVITY = 9.81  # m/s**2
 _LARGEST = 2e8  # Pa, at which sheets of soft steel yield
@@ -244,7 +244,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     roves = number > 1 and np.bincount(sensor).min() >= _FEWEST_POINTS
     if not roves or least < _WRONG or measured.frequency.size < _FEWEST_MODES:
         return sound
-    # Of two sensors either can be put right by the other's factor, as the size of a shape is arbitrary.
+    # Of two sensors either can be corrected by the other's factor, as the size of a shape is arbitrary.
     tried = [
         np.where(sensor == k, sign * gain, 1.0)
         for k in range(1 if number == 2 else 0, number)

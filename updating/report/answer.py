@@ -25,7 +25,7 @@ _TONE: dict[Verdict, str] = {
     "unlike anything": "open",
 }
 
-_TOLD = 3  # explanations that one sentence can name
+_MOST_IN_SENTENCE = 3  # explanations that one sentence can name
 
 _MAPS = 3  # of configurations; beside the steps they fill two rows
 
@@ -93,12 +93,14 @@ def headline(found: Diagnosis) -> str:
         )
     named = [together([found.labels.get(e, e) for e in effects]) for effects in found.set]
     if found.verdict == "one of" and (beside := further_effects(found)):
-        also = "; or ".join(together([found.labels.get(e, e) for e in own]) for own in beside[:_TOLD])
+        also = "; or ".join(
+            together([found.labels.get(e, e) for e in own]) for own in beside[:_MOST_IN_SENTENCE]
+        )
         return f"What the model lacks is {named[0]}. Whether it lacks {also} as well, the data cannot tell."
     if found.verdict == "one of":
-        told = "; or ".join(named[:_TOLD])
-        more = f"; or one of {len(named) - _TOLD} more" if len(named) > _TOLD else ""
-        return f"One of these is missing, and the data cannot tell which: {told}{more}."
+        first = "; or ".join(named[:_MOST_IN_SENTENCE])
+        more = f"; or one of {len(named) - _MOST_IN_SENTENCE} more" if len(named) > _MOST_IN_SENTENCE else ""
+        return f"One of these is missing, and the data cannot tell which: {first}{more}."
     own = found.ranked(found.set[0])
     kind = telling(base, own)
     fall = (

@@ -272,10 +272,10 @@ def _frac_text(frac: Mapping[str, float]) -> tuple[str, ...]:
     """Say how well the functions of the models meet the measured ones, in the mean."""
     if not frac:
         return ()
-    told = " and ".join(f"{value:.3f} {_WITH[name]}" for name, value in frac.items())
+    mean = " and ".join(f"{value:.3f} {_WITH[name]}" for name, value in frac.items())
     return (
         f"The model's functions, which know of the measured ones only what their modes say, correlate with them by "
-        f"{told} in the mean over all (FRAC: 1 where two functions are equal, 0 where they share nothing).",
+        f"{mean} in the mean over all (FRAC: 1 where two functions are equal, 0 where they share nothing).",
     )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from ema.plot import palette
 from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, svg
 from updating.results.pooled import (
-    NOT_TOLD,
     SPECIMEN_HEADER,
+    UNKNOWN,
     PooledDiagnosis,
     SpecimenAnswer,
     contact_cells,
@@ -143,7 +143,7 @@ def _error(ratio: float) -> str:
 
 
 def _percent(damping: float) -> str:
-    return NOT_TOLD if np.isnan(damping) else f"{100.0 * damping:.2g}"
+    return UNKNOWN if np.isnan(damping) else f"{100.0 * damping:.2g}"
 
 
 def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:

@@ -129,7 +129,7 @@ def stored_amplitude(found: Identified) -> OverAmplitude | None:
     return read_result(found.folder / AMPLITUDE, OverAmplitude)
 
 
-_MOST = 4  # findings of a configuration that are told
+_MOST = 4  # findings of a configuration that are reported
 
 
 def campaign_findings(results: Sequence[Identified]) -> tuple[str, ...]:

@@ -232,16 +232,16 @@ class PooledDiagnosis:
 
     @property
     def best(self) -> PooledRanked:
-        """The explanation that is told: the base model where nothing is missing, or nothing helps."""
+        """The explanation that is reported: the base model where nothing is missing, or nothing helps."""
         if self.verdict in ("nothing missing", "unlike anything"):
             return next(own for own in self.ranking if not own.parts)
         return self.ranking[0]
 
 
-NOT_TOLD = "-"
+UNKNOWN = "-"
 """Of what data tell nothing of, such as d_f where no damping was measured."""
 
-_LISTED = 3  # explanations that are told in a sentence
+_LISTED = 3  # explanations that a sentence names
 
 _LOWERED = 0.8  # of an error, from which it is much lower
 
@@ -360,7 +360,7 @@ def _values(own: Part) -> str:
 
 
 def _cannot_tell(found: PooledDiagnosis) -> str:
-    """Say what the data do not tell apart, and whether that is the effect or its level; what all have is told once."""
+    """Say what the data do not separate, and whether that is the effect or its level; what all have is said once."""
     best, others = found.ranking[0], found.ranking[1 : found.left]
     what = (
         "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
@@ -434,8 +434,8 @@ def _folded(names: Sequence[str]) -> str:
 def contact_cells(own: SpecimenAnswer | ContactState) -> tuple[str, str]:
     """Return G_f and d_f as cells with their intervals; a dash where data tell nothing of it."""
     return (
-        f"{own.G_f.value:.0f} ({own.G_f.lower:.0f} to {own.G_f.upper:.0f})" if own.G_f else NOT_TOLD,
-        f"{own.d_f.value:.2g} ({own.d_f.lower:.2g} to {own.d_f.upper:.2g})" if own.d_f else NOT_TOLD,
+        f"{own.G_f.value:.0f} ({own.G_f.lower:.0f} to {own.G_f.upper:.0f})" if own.G_f else UNKNOWN,
+        f"{own.d_f.value:.2g} ({own.d_f.lower:.2g} to {own.d_f.upper:.2g})" if own.d_f else UNKNOWN,
     )
 
 

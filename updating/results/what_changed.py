@@ -85,7 +85,7 @@ class WhatChanged:
     kinds : tuple of KindOfChange
         All kinds, the most probable first.
     damping : tuple of KindOfChange
-        Kinds of change of damping, the most probable first, and `damping_left`, keys of those that are not told apart.
+        Kinds of change of damping, the most probable first, and `damping_left`, keys of those that are not separated.
     impossible : mapping of str to str
         Why others cannot be.
     log_odds : float
@@ -216,7 +216,7 @@ def _where(found: WhatChanged) -> str:
     square = share @ np.array([np.square(own.place_std) + np.square(own.place) for own in left])
     cell = np.array([_step(found.x), _step(found.y), 0.0]) / (
         3.0 * np.sqrt(12.0)
-    )  # to which places are told apart
+    )  # to which locations are separated
     spread = np.sqrt(np.maximum(square - mean**2, 0.0) + cell**2)
     if np.any(spread[:2] > SPREAD_OUT * max(x1 - x0, y1 - y0)):
         i, j = np.unravel_index(int(np.argmax(found.map)), found.map.shape)

@@ -125,11 +125,11 @@ def send(to: Connection) -> None:
     LOG.setLevel(logging.DEBUG)
 
 
-def hear(told: Connection) -> None:
+def hear(messages: Connection) -> None:
     """Log what other processes send, until all of them have ended."""
     try:
         while True:
-            level, text = told.recv()
+            level, text = messages.recv()
             LOG.log(level, "%s", text)
     except (EOFError, OSError):
         return

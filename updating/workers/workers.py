@@ -208,9 +208,9 @@ class _Processes(ProcessPoolExecutor):
 def _pool(n_process: int) -> Iterator[Executor]:
     context = _context()
     ended, end = context.Pipe(duplex=False)
-    told, tell = context.Pipe(duplex=False)
+    messages, tell = context.Pipe(duplex=False)
     executor = _Processes(n_process, context, ended, tell)
-    Thread(target=hear, args=(told,), daemon=True).start()
+    Thread(target=hear, args=(messages,), daemon=True).start()
     starting = Thread(target=executor.submit, args=(os.getpid,))
     starting.start()  # of all processes, now, beside what is done before they are needed: they import long
     try:
