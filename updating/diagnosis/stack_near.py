@@ -225,7 +225,7 @@ class StackNear:
                 if term.target == "C":
                     continue
                 image = None
-                for name in names - {OMEGA}:
+                for name in sorted(names - {OMEGA}):
                     for i, at in enumerate(variants):
                         derivative = term.factor.derivative(at, name)
                         if derivative:
@@ -490,7 +490,7 @@ class StackNear:
 
         for which, target in enumerate("KM"):
             for p, block in zip(self.of_target[target], between[target], strict=True):
-                for name in p.names & self.moving:
+                for name in sorted(p.names & self.moving):
                     for i in self._columns(name, state):
                         add(i, which, p.factor.derivative(theta, name) * slope[name] * block)
             if self.near or self.sized:
@@ -518,7 +518,7 @@ class StackNear:
             if slow:
                 away = np.array([p.factor(t) for t in each]) - p.factor(theta)
                 damping = damping + away[:, None, None] * block
-            for name in p.names & self.moving:
+            for name in sorted(p.names & self.moving):
                 rate = (
                     np.array([p.factor.derivative(t, name) for t in (each if slow else [theta])])
                     * slope[name]
