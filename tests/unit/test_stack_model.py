@@ -100,6 +100,22 @@ def test_derivatives_by_what_moves_are_those_of_differences(whole):
         np.testing.assert_allclose(slope, expected[6:12], rtol=1e-3, atol=1e-4 * found.eigenvalue[11])
 
 
+@pytest.mark.parametrize("state", [0, 1])
+def test_on_the_small_basis_about_a_point_modes_near_it_are_those_of_the_large_one(whole, state):
+    """A screening makes one about each start, from the local equations with all terms."""
+    every = coordinates_of(whole, tuple(whole.terms.values()))
+    coordinates = coordinates_of(whole, [whole.terms["clamp_mass"]])
+    at = {"G_f": 0.2, "clamp_added_mass": 0.3, "young": -0.01}
+    point = np.array([at.get(c.name, 0.0) for c in coordinates])
+    large = whole.about(every, [np.zeros(len(every))])
+    small = large.of(coordinates, point)
+    assert small.size < large.size
+    for away, within in ((0.0, 1e-9), (0.5, 2e-5)):
+        x = point + away * np.array([c.step for c in coordinates])
+        value, expected = (near.modal(x, state).eigenvalue for near in (small, large.of(coordinates)))
+        np.testing.assert_allclose(value[6:], expected[6:], rtol=within)
+
+
 @pytest.mark.parametrize(("name", "far"), [("clamp_added_mass", 0.02), ("G_yz_ratio", 0.15)])
 def test_a_screen_turns_modes_of_a_changed_stack_into_errors_that_its_change_takes_back(whole, name, far):
     """The errors that a change leaves in the plain model's equations vanish as the screen adds that change."""
