@@ -291,7 +291,7 @@ def pressure_change(
     shape : callable
         From x and y, (n_element, n_point) m, to the change of pressure before `centred` keeps the clamping force.
     share : callable
-        From the parameters to the share of the change that acts, 0 or 1, of one that may act at several locations.
+        From the parameters to the share of the change that acts, 0 to 1, of one that may act at several locations.
     """
     plan = assembly.plan
     x, y = plan.quadrature_points

@@ -89,6 +89,11 @@ class Parameter:
             message = f"parameter {self.name}: scale must be 'lin' or 'log', got {self.scale!r}"
             raise EffectError(message)
 
+    @property
+    def is_location(self) -> bool:
+        """Whether it says where an effect acts and not how strongly: it is neutral inside its range."""
+        return bool(self.n_start) and self.lower < self.neutral < self.upper
+
     def trials(self, n: int) -> tuple[float, ...]:
         """Return values to try: n where it is sampled, `n_start` of a location, else the ends and the nominal one."""
         n = n if self.sampled else self.n_start

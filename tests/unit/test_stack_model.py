@@ -27,7 +27,7 @@ N_COMPARED = 5  # the next two are close, and the correction of so coarse a mesh
 @pytest.fixture(scope="module")
 def whole():
     instruments = known_or_usual_instruments(STACK)
-    effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction")}
+    effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction", "added_mass")}
     n = len(instruments.sensor)
     observation = Observation(
         node=np.arange(n), location=instruments.sensor, direction=np.tile([0.0, 0.0, 1.0], (n, 1))
@@ -114,6 +114,21 @@ def test_on_the_small_basis_about_a_point_modes_near_it_are_those_of_the_large_o
         x = point + away * np.array([c.step for c in coordinates])
         value, expected = (near.modal(x, state).eigenvalue for near in (small, large.of(coordinates)))
         np.testing.assert_allclose(value[6:], expected[6:], rtol=within)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.333), (0.333, 0.0), (-0.5, 0.5), (0.0, 0.0)])
+def test_a_screen_knows_what_a_mass_changes_wherever_it_sits(whole, x, y):
+    """Fits start with a mass on the axes too, where one of its coordinates is neutral."""
+    coordinates = coordinates_of(whole, [whole.terms["added_mass"]])
+    names = [c.name for c in coordinates]
+    near = whole.about(coordinates, [np.zeros(len(names))])
+    at = np.zeros(len(names))
+    at[[names.index(n) for n in ("added_mass", "added_x", "added_y")]] = 0.3, x, y
+    _, every, here = near.solved(np.zeros(at.size), 0)
+    expected = every.T @ (near.solved(at, 0)[2]["M"] - here["M"]) @ every[:, : near.n_equation]
+    change = near.screen(np.zeros(at.size), 0).change(at)
+    assert np.abs(expected).max() > 1e-3
+    np.testing.assert_allclose(change.mass[0][0], expected, atol=1e-9 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("name", "far"), [("clamp_added_mass", 0.02), ("G_yz_ratio", 0.15)])

@@ -251,8 +251,7 @@ def _sampled(effects: Iterable[Effect], placed: Sequence[Effect]) -> list[Sample
 def _corners(i: int, effect: Effect) -> Iterator[dict[str, float]]:
     """Return parameters with the i-th effect over its range, each at two contact stiffnesses."""
     places = round(_PLACES ** (1.0 / max(effect.n_sampled, 1)))  # of all its parameters together so many
-    # A location is neutral inside its range: it says where an effect acts and not how strongly.
-    strength = [p for p in effect.parameters if not (p.n_start and p.lower < p.neutral < p.upper)]
+    strength = [p for p in effect.parameters if not p.is_location]
     for j, corner in enumerate(effect.combinations(partial(Parameter.trials, n=places))):
         if all(corner[p.name] == p.neutral for p in strength):
             continue  # the base model

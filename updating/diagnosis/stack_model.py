@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 import scipy.linalg as la
@@ -45,12 +44,12 @@ from updating.diagnosis.moved import moved
 from updating.diagnosis.sensor_place import place_slopes
 from updating.diagnosis.slipping import slip_effect
 from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear, StackState, generic
+from updating.diagnosis.stack_screen import TARGETS
 from updating.inference.explain import Explanation
 from updating.inference.protocol import Coordinate, State, Term
 
 Vector = NDArray[np.float64]
 
-TARGETS: tuple[Literal["K", "M"], ...] = ("K", "M")
 _BELOW = (
     0.3  # of the lowest measured frequency, for what is held may have modes as low as rigid-body motion has
 )
@@ -332,7 +331,7 @@ class StackModel:
             resized = replace(other, terms=tuple(free))
             base = replace(self.equations, terms=tuple(t for t in self.equations.terms if t.name in plain))
             found: dict[str, Vector] = {}
-            for target in TARGETS:
+            for target in TARGETS[:2]:
                 change = np.zeros((self.equations.size, self.equations.size))
                 change[:k, :k] = resized.matrix(target, contact) - base.matrix(target, contact)[:k, :k]
                 found[target] = change / ratio

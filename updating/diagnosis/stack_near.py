@@ -19,12 +19,11 @@ from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
 from updating.diagnosis.local_basis import N_FURTHER, leading, parallel, times
-from updating.diagnosis.stack_screen import StackScreen
+from updating.diagnosis.stack_screen import TARGETS, StackScreen
 from updating.inference.protocol import Coordinate, Modal, State
 
 Vector = NDArray[np.float64]
 
-TARGETS: tuple[Target, ...] = ("K", "M")
 RATIOS = ("young", "density", "normal_modulus")
 """Nuisances that are logarithms of a ratio and parameters of the model."""
 RIGID = (2.0 * np.pi * 20.0) ** 2
@@ -96,7 +95,7 @@ class Whole(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A term: its factor, the moving parameters of that, and which of them leave nothing of it where neutral."""
+    """A term: its factor, the parameters of that which move, and the strengths without which nothing of it is left."""
 
     target: Target
     factor: ParameterFactor
@@ -169,7 +168,7 @@ class StackNear:
         made: dict[tuple[str, Target, tuple[float, ...]], Vector] = {}
         for theta in thetas:
             found.append({})
-            for name, target in itertools.product(self.near, TARGETS):
+            for name, target in itertools.product(self.near, TARGETS[:2]):
                 acting = [t for t, names in terms if name in names and t.target == target]
                 derivative = tuple(t.factor.derivative(theta, name) for t in acting)
                 if any(derivative):
@@ -275,14 +274,19 @@ class StackNear:
             return projected[id(matrix)]
 
         n = self.size
-        neutral = self.whole.theta(dict.fromkeys(self.names, 0.0), 0)[0]
-        anywhere = generic(neutral, self.moving)
+        neutral = [self.whole.theta(dict.fromkeys(self.names, 0.0), c)[0] for c in range(len(thetas))]
+        points = [(own, generic(own, self.moving)) for own in neutral]
+        strengths = frozenset(name for name, p in self.whole.parameters.items() if not p.is_location)
+
+        def needed(factor: ParameterFactor, name: str) -> bool:
+            return not any(factor({**anywhere, name: own[name]}) for own, anywhere in points)
+
         parts = [
             _Part(
                 t.target,
                 t.factor,
                 names,
-                frozenset(n for n in names & self.moving if not t.factor({**anywhere, n: neutral[n]})),
+                frozenset(name for name in names & strengths if needed(t.factor, name)),
                 project(t.matrix),
             )
             for t, names in terms
@@ -356,7 +360,8 @@ class StackNear:
                 (change[0, n_basis:] - change[1, n_basis:] * lam) * (step[i] / np.sqrt(held)) / (below - held)
                 for i, change in self._moves(theta, slope, state, every, between).items()
             ]
-            blocks.append(every[:, n_basis:] @ np.hstack(answers))
+            if answers:
+                blocks.append(every[:, n_basis:] @ np.hstack(answers))
         assert first is not None
         basis = leading(np.hstack(blocks), *first)
         self.basis, self.size = self.basis @ basis, basis.shape[1]

@@ -36,6 +36,7 @@ from updating.inference.tree_evidence import tree_evidence
 
 Vector = NDArray[np.float64]
 
+_DAMP = 1e-6  # of steps at first: below what priors add to data
 _STUCK = 300.0  # of the damping, relative to the curvature, from which steps are too short to matter
 
 
@@ -361,7 +362,7 @@ def converged(
             sizes = _evidence(problem, x, precision, log_prior, setting.priors, sizes)[0].sizes
             white = problem.weighed(sizes)
         cost = _Cost(precision, sizes)
-        at, damp = cost.total(problem, white, x), 1e-6
+        at, damp = cost.total(problem, white, x), _DAMP
         course.append(at)
         for _ in range(steps):
             after = np.inf
@@ -467,7 +468,7 @@ def _evidence(
 
 
 def step_within(
-    slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float = 1e-6
+    slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float = _DAMP
 ) -> Vector:
     """Return where a damped step leads that leaves no bound and is nowhere longer than it may be.
 

@@ -68,21 +68,20 @@ def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tupl
     def each(pair: tuple[Vector, Vector]) -> Vector:
         return np.concatenate([pair[0][None], np.broadcast_to(pair[1], (k, *pair[0].shape))])
 
+    def force(stiffness: Vector, mass: Vector, modes: Vector) -> Vector:
+        """Return the dynamic stiffness at each measured mode times modal coordinates, (..., n, m)."""
+        return np.asarray((stiffness @ modes[..., None] - lam[..., None] * (mass @ modes[..., None]))[..., 0])
+
     stiffness, mass = each(change.stiffness), each(change.mass)  # (1 + k, 1 or n, M, m)
-
-    def force(of: slice, modes: Vector, *, back: bool = False, to: slice = slice(None)) -> Vector:
-        """Return the dynamic stiffness of some changes times modal coordinates (..., n, m), or those beyond back."""
-        parts = (own[of, :, to].swapaxes(-1, -2) if back else own[of, :, to] for own in (stiffness, mass))
-        return next(parts) @ modes[..., None] - lam[..., None] * (next(parts) @ modes[..., None])
-
-    onto = force(slice(None), weight)[..., 0]
+    onto = force(stiffness, mass, weight)
     beyond = each(change.stiffness_beyond) - lam * each(change.mass_beyond)
     held = modal.beyond - lam
     held = np.maximum(held + beyond[0], 0.1 * held)
     answer = -onto[0, :, m:] / held  # of the modes beyond
     turned = -(onto[1:, :, m:] + beyond[1:] * answer) / held
-    low = onto[:, :, :m] + force(slice(None), answer, back=True, to=slice(m, None))[..., 0]
-    low[1:] += force(slice(1), turned, back=True, to=slice(m, None))[..., 0]
+    stiff_back, mass_back = (own[:, :, m:].swapaxes(-1, -2) for own in (stiffness, mass))
+    low = onto[:, :, :m] + force(stiff_back, mass_back, answer)
+    low[1:] += force(stiff_back[:1], mass_back[:1], turned)
     value = -(low / scales(state, modal)).reshape(k + 1, -1).T
     lost, carried = (
         np.einsum("ri,krij,rj->kr", weight, np.broadcast_to(own, (k + 1, n, m, m)), weight)
@@ -139,9 +138,8 @@ def screened(
             at.append((x, _origin(model, setting, local, x, sizes)))
     if not at:
         return {}
-    first: dict[
-        str, list[tuple[float, int, Vector]]
-    ] = {}  # what steps promise, from which origin, and their starts
+    # What a step promises, from which origin, and its start, by term.
+    first: dict[str, list[tuple[float, int, Vector]]] = {}
     for term in further:
         together = coordinates_of(model, [*present, term])
         columns = np.array([index[c.name] for c in together])
@@ -155,17 +153,18 @@ def screened(
             one = np.inf if ahead is None else ahead, o, start[columns]
             first.setdefault(term.name, []).append(one)
     by_name, found = {term.name: term for term in further}, dict[str, tuple[float, Vector]]()
-    for name in sorted(first, key=lambda name: -max(ahead for ahead, *_ in first[name]))[:asked]:
+    for rank, name in enumerate(sorted(first, key=lambda name: -max(ahead for ahead, *_ in first[name]))):
         starts = sorted(first[name], key=lambda one: -one[0])
         known = np.isfinite(starts[0][0])
+        if rank >= asked and known:
+            break
         of_origins = {next(i for i, one in enumerate(starts) if one[1] == o) for o in range(len(at))}
+        chosen = sorted({*range(min(each, len(starts))), *of_origins}) if known else range(len(starts))
         terms, tried = [*present, by_name[name]], list[tuple[float, Vector, LocalModel]]()
-        for i in sorted(of_origins.union(range(each))) if known else range(len(starts)):
-            with contextlib.suppress(
-                np.linalg.LinAlgError, ValueError, IndexError
-            ):  # no modes there, or no start
-                near = local.of(coordinates_of(model, terms), starts[i][2])
-                tried.append((*outlook(model, terms, setting, starts[i][2], near, sizes), near))
+        for _, _, start in (starts[i] for i in chosen):
+            with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+                near = local.of(coordinates_of(model, terms), start)
+                tried.append((*outlook(model, terms, setting, start, near, sizes), near))
         if not tried:
             continue
         reached, to, near = max(tried, key=lambda one: one[0])
