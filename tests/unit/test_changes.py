@@ -17,8 +17,8 @@ from model.stack.parts import EdgeSupport
 from updating.changes.candidate import lines, places
 from updating.changes.compare import _verdict
 from updating.changes.fields import Fields
-from updating.changes.kinds import KINDS
-from updating.changes.kinds.edges import held_edges
+from updating.changes.kinds import kinds
+from updating.changes.kinds.held_edges import held_edges
 from updating.changes.refined import Condensed
 from updating.changes.scan import Actions, Measured, conditional, weigh
 from updating.results.what_changed import KindOfChange
@@ -103,7 +103,7 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
     for n_lamina, held in ((1, True), (12, False)):
         own, made = fields(n_lamina, held)
         at, _ = places(made)
-        for kind in KINDS:
+        for kind in kinds():
             why = kind.why_not(own.stack)
             if why is not None:
                 assert len(why) > 10
@@ -119,7 +119,7 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
 
 def test_what_a_structure_does_not_have_cannot_have_changed():
     plate, stack = system(1, False).stack, system(12, False).stack
-    why = {kind.name: (kind.why_not(plate), kind.why_not(stack)) for kind in KINDS}
+    why = {kind.name: (kind.why_not(plate), kind.why_not(stack)) for kind in kinds()}
     assert why["lost_contact"][0] is not None
     assert why["lost_contact"][1] is None
     assert all(why[name] == why["loose_clamp"] for name in ("tight_clamp",))
@@ -177,7 +177,7 @@ def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(
         return (0.0 * added, added) if name == "added_mass" else (added, 0.0 * added)
 
     at, error = changed_plate(planted)
-    kind = next(own for own in KINDS if own.name == name)
+    kind = next(own for own in kinds() if own.name == name)
     candidates = kind.candidates(at.fields, place)
     left = error + Condensed(at).change(kind, candidates, 0)(np.array([size]))[0].reshape(error.shape)
     first = error + size * Actions(at.ours).of(candidates)[0]

@@ -22,7 +22,7 @@ from ema.campaign.campaign_file import Reassembly
 from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places, three
 from updating.changes.damping import damping_changes
 from updating.changes.fields import Fields
-from updating.changes.kinds import KINDS
+from updating.changes.kinds import kinds
 from updating.changes.refined import Condensed, Refined, refine
 from updating.changes.scan import Actions, Weighed, conditional, weigh
 from updating.changes.situation import (
@@ -86,7 +86,7 @@ def what_changed(
     stated = float(np.sqrt(2.0)) * assembly.frequency
     at = Situation(reference, changed)
     stack = reference.candidates.stack
-    every = KINDS if known is None else known
+    every = kinds() if known is None else known
     impossible = {kind.name: why for kind in every if (why := kind.why_not(stack)) is not None}
     if np.isfinite(at.shift).all():
         no_split = "it splits a mode in two, and this state has no further mode"

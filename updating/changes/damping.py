@@ -16,9 +16,9 @@ from scipy.special import logsumexp
 
 from updating.changes.candidate import Candidates, Part, at_heights, places, plain, three
 from updating.changes.fields import Fields
-from updating.changes.kinds.edges import all_over, interfaces
-from updating.changes.kinds.laminas import patches
-from updating.changes.kinds.masses import at_points
+from updating.changes.kinds.everywhere import all_over, interfaces
+from updating.changes.kinds.patches import patches
+from updating.changes.kinds.point_masses import at_points
 from updating.changes.scan import Actions
 from updating.changes.situation import SCATTER_SPREAD, Situation
 from updating.inference.levels import MISSING

@@ -23,8 +23,8 @@ from scipy.optimize import linear_sum_assignment
 
 from updating.changes.candidate import Part
 from updating.changes.fields import Fields
-from updating.changes.kinds.contact import under_clamps
-from updating.changes.kinds.edges import edges, whole_contact, whole_laminas
+from updating.changes.kinds.clamp_force import under_clamps
+from updating.changes.kinds.everywhere import edges, whole_contact, whole_laminas
 from updating.changes.scan import Actions, Measured
 from updating.correlation.registration import register
 from updating.diagnosis.assembly import Campaigned, assemble_evidence

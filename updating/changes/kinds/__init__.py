@@ -1,19 +1,18 @@
-"""Kinds of change with a location that nobody knows."""
+"""Kinds of change with a location that nobody knows, one a file: each ends in KIND = Kind(...)."""
 
 from __future__ import annotations
 
-from updating.changes.candidate import Kind
-from updating.changes.kinds import contact, edges, laminas, masses
+import importlib
+import pkgutil
+from functools import cache
 
-KINDS = tuple(
-    sorted(
-        (
-            value
-            for module in (contact, edges, laminas, masses)
-            for value in vars(module).values()
-            if isinstance(value, Kind)
-        ),
-        key=lambda kind: kind.name,
+from updating.changes.candidate import Kind
+
+
+@cache
+def kinds() -> tuple[Kind, ...]:
+    """Return all kinds of change, in the order of their names."""
+    modules = (
+        importlib.import_module(f"{__name__}.{found.name}") for found in pkgutil.iter_modules(__path__)
     )
-)
-"""All kinds, in the order of their names."""
+    return tuple(module.KIND for module in modules if hasattr(module, "KIND"))

@@ -1,8 +1,7 @@
-"""Changes of what holds the edges, in a part or all along, and changes all over the structure."""
+"""What kinds share that change how an edge is held: the springs of its supports at points along it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,25 +12,15 @@ from numpy.typing import NDArray
 from model.elements.mesh import Derivative, Field
 from model.elements.terms import held_motions
 from model.stack.parts import EdgeSupport
-from updating.changes.candidate import (
-    Candidates,
-    Kind,
-    Part,
-    amplitude,
-    at_heights,
-    gone,
-    needs_supports,
-    plain,
-)
-from updating.changes.fields import Fields, Vector
+from updating.changes.candidate import Candidates, Part, at_heights, plain
+from updating.changes.fields import Fields
+
+Vector = NDArray[np.float64]
 
 N_ALONG = 121
 """Points along an edge."""
-
 _SHARES = np.array([0.08, 0.15, 0.3, 0.6])  # of an edge that gives way
-
 _N_MIDDLE = 30  # along an edge, of parts that give way
-
 _RIGID = {"edge_translation": 1e13, "edge_rotation": 1e7}
 
 
@@ -165,96 +154,3 @@ def whole_edges(fields: Fields) -> list[tuple[HeldEdge, str, Part]]:
         for edge in held_edges(fields)
         for what, rows in (("moving", edge.moving), ("turning", edge.turning))
     ]
-
-
-def whole_contact(fields: Fields) -> Part:
-    """Return the stiffness of all interfaces against slip."""
-    slip, _ = fields.slip_and_opening(fields.layers[0])
-    return Part(rows=slip, target="K", weight=sp.csr_array(fields.grid.area[None, :]))
-
-
-def interfaces(fields: Fields) -> tuple[Part, ...]:
-    """Return all interfaces as one part."""
-    return (whole_contact(fields),)
-
-
-def whole_laminas(fields: Fields) -> Part:
-    """Return the stiffness of all laminas."""
-    rows = fields.strain(fields.layers[0])
-    return Part(rows=rows, target="K", weight=sp.csr_array(fields.grid.area[None, :]))
-
-
-def all_over(
-    fields: Fields,
-    at: NDArray[np.float64],  # noqa: ARG001
-    *,
-    of: Callable[[Fields], tuple[Part, ...]],
-    sign: float,
-    upper: float,
-) -> Candidates:
-    """Return each of some parts as a candidate, with more (sign 1) or less (-1) of it."""
-    parts = of(fields)
-    n = len(parts)
-    own = [np.zeros((n, 1)) for _ in parts]
-    for i, line in enumerate(own):
-        line[i] = sign
-    shifted = tuple(
-        Part(rows=part.rows, target=part.target, weight=sp.csr_array(line @ part.weight.toarray()))
-        for part, line in zip(parts, own, strict=True)
-    )
-    place = np.zeros((n, 3))
-    place[:, :2] = fields.grid.point.mean(axis=0)
-    return plain(place, shifted, upper=upper)
-
-
-def edges(fields: Fields) -> tuple[Part, ...]:
-    """Return each held edge as a whole, against moving and against turning."""
-    return tuple(part for _, _, part in whole_edges(fields))
-
-
-FIRMER_EDGE = Kind(
-    name="firmer_edge",
-    label="a held edge that is firmer over a part of it",
-    quantity="share by which it is held firmer",
-    unit="1",
-    why_not=needs_supports,
-    candidates=partial(on_edges, sign=1.0, upper=10.0),
-    on_plan=False,
-    value=amplitude,
-)
-
-SOFTER_EDGE = Kind(
-    name="softer_edge",
-    label="a held edge that gives way over a part of it",
-    quantity="share of what holds it that is gone",
-    unit="1",
-    why_not=needs_supports,
-    candidates=partial(on_edges, sign=-1.0, upper=3.0),
-    on_plan=False,
-    value=gone,
-    whole=1.0,
-)
-
-FIRMER_MOUNTING = Kind(
-    name="firmer_mounting",
-    label="an edge that is held more all along",
-    quantity="share by which it is held firmer",
-    unit="1",
-    why_not=needs_supports,
-    candidates=partial(all_over, of=edges, sign=1.0, upper=10.0),
-    on_plan=False,
-    value=amplitude,
-    local=False,
-)
-
-SOFTER_MOUNTING = Kind(
-    name="softer_mounting",
-    label="an edge that is held less all along",
-    quantity="share of what holds it that is gone",
-    unit="1",
-    why_not=needs_supports,
-    candidates=partial(all_over, of=edges, sign=-1.0, upper=1.0),
-    on_plan=False,
-    value=amplitude,
-    local=False,
-)

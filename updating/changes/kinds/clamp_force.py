@@ -1,58 +1,22 @@
-"""Changes of the contact between laminas: in a patch, under one clamp, or all over."""
+"""What kinds share that change the force of one clamp: the pressure between sheets under and around it."""
 
 from __future__ import annotations
-
-from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from updating.changes.candidate import (
-    Candidates,
-    Kind,
-    Part,
-    amplitude,
-    at_heights,
-    crossed,
-    gone,
-    needs_clamps,
-    needs_contact,
-    plain,
-)
-from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.edges import all_over, interfaces
-from updating.changes.kinds.laminas import patches
-
-LOST_CONTACT = Kind(
-    name="lost_contact",
-    label="contact between sheets lost in a patch",
-    quantity="share of its stiffness that is gone",
-    unit="1",
-    why_not=needs_contact,
-    candidates=partial(patches, of=Fields.contact, sign=-1.0, upper=2.0),
-    value=gone,
-    whole=1.0,
-)
-
-GLUED_PATCH = Kind(
-    name="glued_patch",
-    label="sheets that hold together more in a patch, as by glue",
-    quantity="share by which their contact is stiffer",
-    unit="1",
-    why_not=needs_contact,
-    candidates=partial(patches, of=Fields.contact, sign=1.0, upper=20.0),
-    value=amplitude,
-)
+from updating.changes.candidate import Candidates, Part, at_heights, crossed, plain
+from updating.changes.fields import Fields
 
 _SPREAD = np.array([0.5, 1.0, 2.0])
 """How far the pressure of a clamp spreads along the stack beyond its footprint, over the stack's height: by 45 degrees
 from both faces it is a half."""
 
+
 _RIDES = np.array([np.inf, *np.geomspace(0.5, 3.0, 16)])
 """Where the clamp's mass then resonates on its footprint, over the band's end: one that presses less rides on a softer
 spring."""
-
 _TOGETHER = np.array([0.1, 0.2, 0.4, 0.7, 1.0])
 """Share of the contact's stiffness that goes with the whole of the clamp's mass riding so."""
 
@@ -116,62 +80,3 @@ def at_clamps(
     return plain(
         at_heights(np.array(place), 0.0), tuple(parts), size=spread, part=number, extra=share_of, upper=upper
     )
-
-
-def _share(own: Candidates, found: Vector) -> Vector:
-    """Return the share of the contact's stiffness that goes with an amplitude, which may go with the clamp's mass."""
-    return np.asarray(own.extra.reshape(-1, *(1,) * (found.ndim - 1)) * found)
-
-
-def _gone(own: Candidates, found: Vector) -> Vector:
-    """Return the share that is gone under the clamp."""
-    return gone(own, _share(own, found))
-
-
-LOOSE_CLAMP = Kind(
-    name="loose_clamp",
-    label="a clamp that presses less",
-    quantity="share of the contact's stiffness under it that is gone",
-    unit="1",
-    why_not=needs_clamps,
-    candidates=partial(at_clamps, sign=-1.0, upper=1.5, rides=True),
-    on_plan=False,
-    value=_gone,
-    exact=_share,
-    whole=1.0,
-)
-
-TIGHT_CLAMP = Kind(
-    name="tight_clamp",
-    label="a clamp that presses more",
-    quantity="share by which the contact under it is stiffer",
-    unit="1",
-    why_not=needs_clamps,
-    candidates=partial(at_clamps, sign=1.0, upper=5.0),
-    on_plan=False,
-    value=amplitude,
-)
-
-SOFTER_CONTACT = Kind(
-    name="softer_contact",
-    label="less contact stiffness all over, as by less pressure",
-    quantity="share of it that is gone",
-    unit="1",
-    why_not=needs_contact,
-    candidates=partial(all_over, of=interfaces, sign=-1.0, upper=1.0),
-    on_plan=False,
-    value=amplitude,
-    local=False,
-)
-
-FIRMER_CONTACT = Kind(
-    name="firmer_contact",
-    label="more contact stiffness all over, as by more pressure",
-    quantity="share by which it is stiffer",
-    unit="1",
-    why_not=needs_contact,
-    candidates=partial(all_over, of=interfaces, sign=1.0, upper=10.0),
-    on_plan=False,
-    value=amplitude,
-    local=False,
-)

@@ -1,0 +1,68 @@
+"""What kinds share whose stiffness changes in a patch: bells of several radii, and stripes, at several heights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from updating.changes.candidate import Candidates, Part, at_heights, bumps, crossed, plain
+from updating.changes.fields import Fields, Layer
+
+Vector = NDArray[np.float64]
+
+RADII = np.array([0.05, 0.09, 0.16, 0.28, 0.5])
+"""Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole."""
+STRIPES = np.array([0.09, 0.16, 0.28])
+"""The same across stripes all along the plan, in both directions: an edge, or one side, may be what changed."""
+_FAR = 3.0
+"""Largest amplitude: a patch that is all gone takes more from the stiffness than what it held, for strains concentrate
+around it (Eshelby, Proc. R. Soc. A 241, 1957: 1 / (1 - S), S near a half in bending; 3 is a hole's in the plane)."""
+
+
+def patches(
+    fields: Fields,
+    at: Vector,
+    *,
+    of: Callable[[Fields, Layer], Vector],
+    sign: float,
+    upper: float = _FAR,
+) -> Candidates:
+    """Return patches whose stiffness is more (sign 1) or less (-1) by a share.
+
+    Parameters
+    ----------
+    fields : Fields
+        The structure.
+    at : (n, 2)
+        Locations, m.
+    of : callable
+        Rows of a layer of the structure whose squares are the energy per area.
+    sign : float
+        1 or -1.
+    upper : float
+        Largest share.
+    """
+    scale = float(np.sqrt(fields.grid.area.sum()))
+    endless = np.full(len(STRIPES), np.inf)
+    sides = scale * np.vstack([
+        np.column_stack([RADII, RADII]), np.column_stack([endless, STRIPES]), np.column_stack([STRIPES, endless]),
+    ])  # fmt: skip
+    radius, centre = crossed(sides, at)
+    weight = sign * bumps(fields.grid, centre, radius)
+    n, layers = len(centre), fields.layers
+    parts = []
+    for i, layer in enumerate(layers):
+        blocks = [weight if j == i else sp.csr_array(weight.shape) for j in range(len(layers))]
+        parts.append(Part(rows=of(fields, layer), target="K", weight=sp.vstack(blocks).tocsr()))
+    place = np.vstack([at_heights(centre, layer.z) for layer in layers])
+    return plain(
+        place,
+        tuple(parts),
+        size=np.tile(radius.min(axis=1), len(layers)),
+        layer=np.repeat(np.arange(len(layers)), n),
+        upper=upper,
+        n_cell=len(at),
+    )

@@ -1,0 +1,58 @@
+"""A stiffener along a line: a strip or rib that adds bending stiffness and mass."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from model import Stack
+from updating.changes.candidate import Candidates, Kind, Part, amplitude, at_heights, crossed, lines, plain
+from updating.changes.fields import Fields, Vector
+
+_LENGTHS = np.array([0.25, 0.5, 1.0])  # over the root of the plan's area
+_ANGLES = np.pi * np.arange(4) / 4.0
+_THICK = np.array([0.2, 0.7, 2.5])  # of a strip of the same material, over the structure's thickness
+
+
+def why_not(stack: Stack) -> str | None:
+    """Return why a thick stack has no stiffener: it would be one by its sheets."""
+    return None if stack.n_lamina == 1 else "a strip stiffens a single plate only"
+
+
+def candidates(fields: Fields, at: Vector) -> Candidates:
+    """Return strips of the structure's material, their width being the size."""
+    scale, h = float(np.sqrt(fields.grid.area.sum())), fields.stack.pitch
+    young = fields.theta.get("young", 1.0) * fields.stack.material.young
+    rho = fields.theta.get("density", 1.0) * fields.stack.material.density
+    length, thick, centre = crossed(scale * _LENGTHS, h * _THICK, at)
+    n, m = len(centre), len(_ANGLES)
+    mass_parts, parts = [], []
+    for j, angle in enumerate(_ANGLES):
+        weight = lines(fields.grid, centre, np.full(n, angle), length)
+        inertia = (
+            thick**3 / 12.0 + thick * ((h + thick) / 2.0) ** 2
+        )  # of unit width, about the plate's middle
+        blocks = [sp.csr_array(weight.shape)] * m
+        blocks[j] = sp.diags_array(young * inertia) @ weight
+        parts.append(Part(rows=fields.along(float(angle)), target="K", weight=sp.vstack(blocks).tocsr()))
+        mass_parts.append(sp.diags_array(rho * thick) @ weight)
+    parts.append(Part(rows=fields.motion(fields.layers[0]), target="M", weight=sp.vstack(mass_parts).tocsr()))
+    return plain(
+        at_heights(np.tile(centre, (m, 1)), 0.0),
+        tuple(parts),
+        size=np.tile(length, m),
+        angle=np.repeat(_ANGLES, n),
+        n_cell=len(at),
+        upper=0.2 * scale,
+    )
+
+
+KIND = Kind(
+    name="stiffener",
+    label="a stiffener along a line",
+    quantity="width of a strip of the same material",
+    unit="m",
+    why_not=why_not,
+    candidates=candidates,
+    value=amplitude,
+)
