@@ -40,10 +40,11 @@ from updating.diagnosis.hypotheses import (
     STATED_SIZE,
     WINDOW,
 )
+from updating.diagnosis.local_basis import generic
 from updating.diagnosis.moved import moved
 from updating.diagnosis.sensor_place import place_slopes
 from updating.diagnosis.slipping import slip_effect
-from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear, StackState, generic
+from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear, StackState
 from updating.diagnosis.stack_screen import TARGETS
 from updating.inference.explain import Explanation
 from updating.inference.protocol import Coordinate, State, Term

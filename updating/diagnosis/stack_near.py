@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -18,7 +18,7 @@ from model.reduction.reduced_equations import Matrix, ReducedTerm, summed
 from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.diagnosis.local_basis import N_FURTHER, leading, parallel, times
+from updating.diagnosis.local_basis import N_FURTHER, generic, leading, parallel, times
 from updating.diagnosis.stack_screen import TARGETS, StackScreen
 from updating.inference.protocol import Coordinate, Modal, State
 
@@ -102,11 +102,6 @@ class _Part:
     names: frozenset[str]
     needs: frozenset[str]
     matrix: Vector
-
-
-def generic(theta: Mapping[str, float], moving: Iterable[str]) -> dict[str, float]:
-    """Return parameters at which no factor vanishes by chance, for those that move."""
-    return {**theta, **{name: 1.0123 * theta[name] + 1.01e-3 for name in moving}}
 
 
 class StackNear:
