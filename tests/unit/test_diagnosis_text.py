@@ -115,8 +115,8 @@ def test_modes_left_out_that_are_predicted_worse_are_explained():
     few = replace(STINGER, left_out_error=0.3)
     text = sentences(diagnosis("identified", few, ranking=(BASE, few)))[0]
     assert text.endswith(
-        "where each mode is predicted from all others, it goes from 24 % to 30 % (so few modes tell the values of "
-        "what was added that they foretell no other)."
+        "where each mode is predicted from all others, it goes from 24 % to 30 % (too few modes determine "
+        "the values of what was added to predict another mode)."
     )
 
 
@@ -584,18 +584,18 @@ def test_what_is_more_probable_than_the_answer_is_not_passed_over_in_silence():
     likelier = replace(ranked("stinger_mass", error=0.19, left_out=0.25, damping=0.5), log_odds=9.0)
     none = diagnosis("nothing missing", ranking=(likelier, BASE))
     said = " ".join(sentences(none))
-    assert "By probability alone moving mass at the shaker (stinger_mass) would be the answer" in said
+    assert "By the odds alone, moving mass at the shaker (stinger_mass) would be the answer" in said
     assert "from 20 % to 19 % (24 % to 25 % where each mode is predicted from all others)" in said
-    assert "what is not seen to foretell other modes better" in said
+    assert "It predicts other modes no better" in said
     assert [own.effects for own in none.shown(1)] == [("stinger_mass",), ()]
     beside = replace(ranked("clamp_inertia", "stinger_mass", error=0.056, left_out=0.06), log_odds=9.0)
     named = diagnosis("identified", INERTIA, ranking=(beside, INERTIA, BASE))
-    assert "By probability alone moving mass at the shaker (stinger_mass) beside it" in " ".join(
+    assert "By the odds alone, moving mass at the shaker (stinger_mass) beside it" in " ".join(
         sentences(named)
     )
     near = replace(beside, log_odds=2.0)
     silent = diagnosis("identified", INERTIA, ranking=(near, INERTIA, BASE))
-    assert "By probability alone" not in " ".join(sentences(silent))
+    assert "By the odds alone," not in " ".join(sentences(silent))
 
 
 def test_what_acts_at_once_reads_as_a_list_from_three_on():

@@ -113,15 +113,15 @@ def test_the_first_sentence_is_the_answer():
     assert odd == "Odd among the 3 specimens: S2 (adhesive_edges)."
 
 
-def test_what_is_more_probable_and_foretells_nothing_better_is_said():
+def test_what_is_more_probable_and_predicts_nothing_better_is_said():
     """The table has it with a higher probability."""
     likelier = ranked(part(), GLUED, part("clamp_pitch_inertia", label="pitch of the clamps"), odds=47.0)
     found = answer(ranking=(ranked(part(), GLUED), likelier, BASE))
-    (said,) = [own for own in sentences(found) if own.startswith("By probability alone")]
+    (said,) = [own for own in sentences(found) if own.startswith("By the odds alone,")]
     assert "pitch of the clamps (clamp_pitch_inertia), of the rig" in said
     assert "beside it would be the answer" in said
     assert "from 0.30 % to 0.30 %" in said
-    assert not any(own.startswith("By probability") for own in sentences(answer()))
+    assert not any(own.startswith("By the odds") for own in sentences(answer()))
 
 
 def test_what_would_have_to_be_far_off_without_it_comes_next_and_what_is_so_with_it_last():

@@ -170,7 +170,7 @@ def _change(base: Ranked, own: Ranked, start: str) -> str:
             ends = percent(base.left_out(kind)), percent(own.left_out(kind))
             text += f"; where each mode is predicted from all others, it goes from {ends[0]} to {ends[1]}"
             if own.left_out(kind) > base.left_out(kind):
-                text += " (so few modes tell the values of what was added that they foretell no other)"
+                text += " (too few modes determine the values of what was added to predict another mode)"
         return f"{text}." if kind == "frequency" else f"{text}; {stays}."
     if not np.isfinite(base.damping_error):
         return f"{start} {stays}."
@@ -206,8 +206,8 @@ def _as_before(own: Ranked) -> str:
     """Say how well what changes no error meets the data."""
     damping = f" and {percent(own.damping_error)} of damping ratios" if np.isfinite(own.damping_error) else ""
     return (
-        f"the mean errors, {percent(own.frequency_error)} of frequencies{damping}, stay as they were, and less that is "
-        "known has to give way"
+        f"the mean errors, {percent(own.frequency_error)} of frequencies{damping}, do not change, but "
+        "quantities that are known have to move less"
     )
 
 
@@ -306,16 +306,16 @@ def _likelier(found: Diagnosis) -> list[str]:
     fits = named(found, further if beside else first.effects)
     kind = telling(own, first)
     text = (
-        f"By probability alone {fits}{beside} would be the answer, but with {'that' if beside else 'this'} the mean "
-        f"{_ERRORS[kind]} goes from {percent(own.error(kind))} to {percent(first.error(kind))}"
+        f"By the odds alone, {fits}{beside} would be the answer, but then the mean {_ERRORS[kind]} goes "
+        f"from {percent(own.error(kind))} to {percent(first.error(kind))}"
     )
-    why = "what is not seen to foretell other modes better"
+    why = "It predicts other modes no better"
     if np.isfinite([own.left_out(kind), first.left_out(kind)]).all():
         ends = percent(own.left_out(kind)), percent(first.left_out(kind))
         text += f" ({ends[0]} to {ends[1]} where each mode is predicted from all others)"
         if first.left_out(kind) < FALLS * own.left_out(kind):
-            why = "so small a gain"
-    return [f"{text}: {why} may be an error of the model alone, so it is not said to be there."]
+            why = "The gain is small"
+    return [f"{text}. {why}: it may only describe an error of the model, and is not named."]
 
 
 def _over_amplitude(found: Diagnosis) -> list[str]:

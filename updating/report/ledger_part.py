@@ -164,8 +164,8 @@ def _sentence(entries: Sequence[Entry]) -> str:
         f"{100 * best.mode_error:.2f} % on modes held out."
         + (
             f" Of a configuration held out {100 * best.configuration_error:.2g} % is left: its contact was given "
-            "the stiffness that the others foretell for its pressure, and reassembly, or a law of pressure that is not "
-            "the model's, makes it another. So well does one torque predict the next."
+            "the stiffness that the others predict for its pressure, and reassembly, or a law of pressure other than "
+            "the model's, changes that. This is how well one torque predicts the next."
             if apart
             else ""
         )

@@ -332,10 +332,10 @@ def _likelier(found: PooledDiagnosis) -> list[str]:
     beside = " beside it" if own.parts and len(further) < len(likeliest.parts) else ""
     names = "; and ".join(map(part_text, further if beside else likeliest.parts))
     return [
-        f"By probability alone {names}{beside} would be the answer, but with that the mean frequency error of a "
+        f"By the odds alone, {names}{beside} would be the answer, but then the mean frequency error of a "
         f"specimen predicted from the others goes from {percent(own.left_out_error)} to "
-        f"{percent(likeliest.left_out_error)}: what is not seen to foretell others much better may be an error of the "
-        "model alone, so it is not said to be there."
+        f"{percent(likeliest.left_out_error)}. It predicts others little better: it may only describe an error of the "
+        "model, and is not named."
     ]
 
 
