@@ -23,28 +23,35 @@
     return ready;
   }
 
+  const AWAY = 1.15; // of the distance on a wide screen
+  const MARGIN = { l: 56, r: 8, t: 34, b: 40 }; // px; titles and numbers of axes push them apart where they need more
+
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
   // The page's own colours, so that a chart follows light and dark.
   function themed(layout, legend = true) {
     const ink = colour("--ink"), line = colour("--line");
     const out = {
-      ...layout, autosize: true, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
+      ...layout, autosize: true, margin: { ...MARGIN, ...layout.margin }, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
       font: { color: ink, size: 12, family: getComputedStyle(document.body).fontFamily },
       hoverlabel: { bgcolor: colour("--band"), bordercolor: line, font: { color: ink } },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("--soft"), activecolor: colour("--accent") },
     };
     // A legend above the axes stands below the toolbar, which is at the very top.
     if (legend && layout.legend?.orientation === "h" && (layout.legend.y ?? 0) >= 1) {
-      out.margin = { ...layout.margin, t: Math.max(layout.margin?.t ?? 0, innerWidth < 600 ? 96 : 64) };
+      out.margin = { ...out.margin, t: Math.max(out.margin.t, innerWidth < 600 ? 96 : 64) };
       if (layout.height) out.height = layout.height + 34;
     }
     const own = { gridcolor: line, zerolinecolor: colour("--soft"), linecolor: colour("--soft") };
     for (const key of Object.keys(layout)) if (/^[xy]axis\d*$/.test(key)) out[key] = { ...layout[key], ...own };
     for (const scene of Object.keys(layout).filter((key) => key.startsWith("scene"))) {
       // A body is seen from as far as its height asks: on a phone the ends of a long one would be cut.
-      if (!layout.height && innerWidth < 600) out.height = 0.6 * innerWidth;
       out[scene] = { ...layout[scene] };
+      if (!layout.height && innerWidth < 600) {
+        out.height = 0.6 * innerWidth;
+        const eye = layout[scene].camera?.eye;
+        if (eye) out[scene].camera = { ...layout[scene].camera, eye: { x: AWAY * eye.x, y: AWAY * eye.y, z: AWAY * eye.z } };
+      }
       for (const key of ["xaxis", "yaxis", "zaxis"]) {
         out[scene][key] = { ...layout[scene][key], ...own, backgroundcolor: "rgba(0,0,0,0)" };
       }

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.matrices_answer import MatricesFit
 from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
 from updating.fitting.fit import Estimate, ParameterEstimate
-from updating.report.part import Picture, Section, Table, as_csv, svg
+from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, svg
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
 from updating.results.text import Z95, ends, interval_text, uncertain
@@ -35,6 +35,12 @@ _NAMES = ("fitted", "mode held out", "configuration held out")
 
 _APART = 3.0
 """Error of configurations held out, over that of modes held out, from which the page says what it is of."""
+
+_WIDE = 16  # characters of a model's name beside its bars
+
+_LINE = 20  # px of each of its lines
+
+_GAP = 0.14  # of the height of a chart, between two axes for the title of the upper one
 
 _SHADES = (palette.USED, palette.LEFT_OUT, palette.ELSEWHERE)
 
@@ -105,7 +111,43 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
         alt="Errors by model",
         caption=f"Mean {' and '.join(kinds)} error of each model, on the data that it was fitted to and on data held "
         "out.",
+        chart=ledger_chart(entries),
     )
+
+
+def ledger_chart(entries: Sequence[Entry]) -> str:
+    """Return the errors of each model as bars to be read off, of damping ratios below those of frequencies."""
+    kinds = _kinds(entries)
+    names = [_short_name(entry) for entry in entries]
+    each = max(70, _LINE * max(name.count("<br>") + 1 for name in names))
+    traces, layout = [], {}
+    for row, kind in enumerate(kinds, start=1):
+        place = "" if row == 1 else str(row)
+        for k, (name, shade) in enumerate(zip(_NAMES, _SHADES, strict=True)):
+            value = [100.0 * _errors(e, kind)[k] for e in entries]
+            traces.append(
+                {
+                    "type": "bar", "orientation": "h", "name": name, "legendgroup": name, "showlegend": row == 1,
+                    "x": value, "y": names, "xaxis": f"x{place}", "yaxis": f"y{place}", "offsetgroup": name,
+                    "text": ["" if np.isnan(v) else f"{v:.2f}" for v in value], "textposition": "outside",
+                    "cliponaxis": False, "marker": {"color": shade}, "hovertemplate": "%{x:.3g} %<extra>" + name + "</extra>",
+                }
+            )  # fmt: skip
+        low, high = 1.0 - row / len(kinds), 1.0 - (row - 1) / len(kinds)
+        widest = 100.0 * float(np.nanmax([_errors(e, kind) for e in entries]))
+        layout[f"xaxis{place}"] = axis(f"mean {kind} error [%]", anchor=f"y{place}", range=[0.0, 1.2 * widest])
+        domain = [low + (_GAP if row < len(kinds) else 0.0), high]
+        layout[f"yaxis{place}"] = {
+            "autorange": "reversed", "automargin": True, "domain": domain, "anchor": f"x{place}", "showgrid": False,
+        }  # fmt: skip
+    height = 120 + len(kinds) * (each * len(entries) + 40)
+    return chart(traces, {**layout, "height": height, "legend": legend_above(), "margin": {"r": 8, "t": 34}})
+
+
+def _short_name(entry: Entry) -> str:
+    """Return the effects of a line by their labels, in lines that leave a phone room for the bars."""
+    names = ("base model", *(f"+ {own.partition(' (')[0]}" for own in printed_effects(entry.effects)))
+    return "<br>".join(line for name in names for line in textwrap.wrap(name, _WIDE))
 
 
 def ledger_figure(entries: Sequence[Entry]) -> Figure:
@@ -252,7 +294,29 @@ def parameter_picture(fitted: Sequence[Tested]) -> Picture:
         ),
         alt="Contact parameters by configuration",
         caption="G_f by opt_G and d_f by opt_d, eq. (1), of each configuration alone, with 95 % intervals.",
+        chart=parameter_chart(fitted),
     )
+
+
+def parameter_chart(fitted: Sequence[Tested]) -> str:
+    """Return G_f above d_f over torque, pressure or their number, with 95 % intervals, to be read off."""
+    at, label = abscissa(fitted)
+    traces = [
+        {
+            "type": "scatter", "mode": "markers", "x": at.tolist(), "y": [_estimates(t)[k].value for t in fitted],
+            "error_y": {"type": "data", "array": [Z95 * _estimates(t)[k].std for t in fitted]},
+            "text": [t.name for t in fitted], "yaxis": f"y{'' if k == 0 else 2}", "showlegend": False,
+            "marker": {"color": palette.BASE, "size": 8}, "hovertemplate": "%{text}: %{y:.4g}<extra></extra>",
+        }
+        for k in (0, 1)
+    ]  # fmt: skip
+    layout = {
+        "xaxis": axis(label, anchor="y2"),
+        "yaxis": axis("G_f [Pa/Pa]", domain=[0.56, 1.0], rangemode="tozero"),
+        "yaxis2": axis("d_f [s/Pa]", domain=[0.0, 0.44], rangemode="tozero", exponentformat="e"),
+        "margin": {"r": 8, "t": 34},
+    }
+    return chart(traces, layout)
 
 
 def parameter_figure(fitted: Sequence[Tested]) -> Figure:
@@ -309,6 +373,13 @@ _TOGETHER = 24
 """Modes of one figure whose names can still be read."""
 
 
+_MARKS = (
+    (palette.SERIES[0], "circle", 12), (palette.SERIES[1], "square", 9), (palette.SERIES[2], "triangle-up", 8),
+    (palette.INK, "diamond", 6),
+)  # fmt: skip
+"""Colour, marker and its size (px) of each effect of a chart: smaller ones later, so that none hides another."""
+
+
 def signature_section(diagnosis: Diagnosis) -> Section:
     """Show what the base model lacks at every mode, and what the best effects, each alone, change there."""
     return Section(
@@ -352,9 +423,40 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
                 alt="Frequency changes that the base model lacks and that effects make",
                 caption="Bars: measured less modelled frequency over the measured one, with the 95 % interval of the "
                 f"measurement. Lines: change by at most {MOST} effects, the candidates first.",
+                chart=signature_chart(errors, {_label(diagnosis, e): s for e, s in signatures.items()}),
             )
         )  # fmt: skip
     return tuple(pictures)
+
+
+def signature_chart(errors: Sequence[ModeError], signatures: Mapping[str, Sequence[float]]) -> str:
+    """Return what is lacking at each mode as bars, and what effects bring as marked lines, to be read off."""
+    at = [[e.configuration for e in errors], [f"{e.mode}: {e.frequency:.0f} Hz" for e in errors]]
+    spread = [100.0 * Z95 * e.std / e.frequency for e in errors]
+    traces: list[dict[str, Any]] = [
+        {
+            "type": "bar", "name": "lacking", "x": at, "y": [-100.0 * e.base for e in errors],
+            "error_y": {"type": "data", "array": spread, "color": palette.LEFT, "thickness": 1},
+            "marker": {"color": palette.PALE, "line": {"color": palette.LEFT, "width": 1}},
+            "hovertemplate": "%{x[0]}, %{x[1]}: %{y:+.3f} %<extra>lacking</extra>",
+        }
+    ]  # fmt: skip
+    for (name, change), (color, symbol, size) in zip(signatures.items(), _MARKS, strict=False):
+        traces.append(
+            {
+                "type": "scatter", "mode": "lines+markers", "name": name, "x": at, "y": [100.0 * c for c in change],
+                "line": {"color": color, "width": 1.5},
+                "marker": {"color": color, "symbol": symbol, "size": size},
+                "hovertemplate": "%{x[0]}, %{x[1]}: %{y:+.3f} %<extra>" + name + "</extra>",
+            }
+        )  # fmt: skip
+    layout = {
+        "yaxis": axis("change of frequency [%]", zeroline=True),
+        "xaxis": {"automargin": True},
+        "legend": legend_above(),
+        "margin": {"r": 8, "t": 34},
+    }
+    return chart(traces, layout)
 
 
 def signature_table(diagnosis: Diagnosis) -> Table:
@@ -388,6 +490,10 @@ def signature_table(diagnosis: Diagnosis) -> Table:
 def _printed(diagnosis: Diagnosis, name: str) -> str:
     """Return an effect or hypothesis as a person reads it, the key beside the label."""
     return f"{diagnosis.labels[name]} ({name})" if name in diagnosis.labels else name
+
+
+def _label(diagnosis: Diagnosis, name: str) -> str:
+    return diagnosis.labels.get(name, name)
 
 
 def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:

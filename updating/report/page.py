@@ -9,7 +9,7 @@ from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,10 @@ from updating.report.part import (
     Table,
     anchor,
     as_csv,
+    axis,
+    chart,
     in_css,
+    legend_above,
     packed,
     renderer,
     svg,
@@ -138,6 +141,7 @@ def table_overview(results: Results) -> Section:
         ),
         alt="Error and contact stiffness by stack",
         caption="Mean relative frequency error, and contact stiffness with one standard deviation, of each stack.",
+        chart=table_chart(fits),
     )
     text = (
         "G_f is fitted to the measured frequencies of each stack by opt_G; modes are paired by shape class."
@@ -202,6 +206,40 @@ def table_figure(fits: tuple[TableFit, ...]) -> Figure:
     below.set(xlabel="stack", ylabel="$G_f$ [Pa/Pa]")
     figure.legend(loc="outside upper right", ncols=2, frameon=False)
     return figure
+
+
+def table_chart(fits: tuple[TableFit, ...]) -> str:
+    """Return the same as a chart to be read off."""
+    names = [f.row.name for f in fits]
+    errors = (("published", "published_error", _PUBLISHED), ("ours", "error", _OURS))
+    traces: list[dict[str, Any]] = [
+        {
+            "type": "bar", "name": name, "x": names, "y": [100.0 * getattr(f, key) for f in fits],
+            "marker": {"color": color}, "hovertemplate": "%{x}: %{y:.3g} %",
+        }
+        for name, key, color in errors
+    ]  # fmt: skip
+    G_f = (
+        ("published", [f.row.published_G_f for f in fits], None, _PUBLISHED),
+        ("ours", [f.G_f.value for f in fits], [f.G_f.std for f in fits], _OURS),
+    )
+    for name, value, std, color in G_f:
+        traces.append(
+            {
+                "type": "scatter", "mode": "markers", "name": name, "x": names, "y": value, "yaxis": "y2",
+                "marker": {"color": color, "size": 8}, "showlegend": False, "hovertemplate": "%{x}: %{y:.4g} Pa/Pa",
+                **({} if std is None else {"error_y": {"type": "data", "array": std}}),
+            }
+        )  # fmt: skip
+    layout = {
+        "height": 430,
+        "yaxis": axis("mean frequency error [%]", domain=[0.56, 1.0]),
+        "yaxis2": axis("G_f [Pa/Pa]", domain=[0.0, 0.44]),
+        "xaxis": axis("stack", type="category", anchor="y2"),
+        "legend": legend_above(),
+        "margin": {"r": 8, "t": 34},
+    }
+    return chart(traces, layout)
 
 
 def row_figure(fit: TableFit, shape_class: tuple[str, ...]) -> Figure:
@@ -417,7 +455,7 @@ def render(
         title=title,
         version=version("lamella"),
         style=text("style.css"),
-        scripts=(text("rest.js"), text("tables.js"), text("charts.js"), text("shapes.js")),
+        scripts=(text("rest.js"), text("tables.js"), text("folds.js"), text("charts.js"), text("shapes.js")),
         renderer=packed(renderer()) if any(part.has_charts for part in parts) else "",
         sections=parts,
         up=up,
