@@ -18,7 +18,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import scipy.special as special
+import scipy
 
 from model.contact.slip_law import SlipLaw
 from model.effects.parts import again
@@ -35,7 +35,7 @@ def _change(t: Theta) -> Any:
 
 def _loss(t: Theta) -> Any:
     n = t["slip_exponent"] + 2.0
-    gamma = np.exp(special.loggamma(n + 1.0) - special.loggamma(n + 0.5))
+    gamma = np.exp(scipy.special.loggamma(n + 1.0) - scipy.special.loggamma(n + 0.5))
     ratio = (n - 1.0) * gamma / (np.sqrt(np.pi) * n)  # `SlipLaw.loss` over `SlipLaw.softening` below sliding
     return ratio * t["slip_softening"] / t["omega"]
 

@@ -349,7 +349,9 @@ def test_on_a_phone_parts_are_folded_and_open_by_tap_link_and_all_at_once(page):
         shown.goto(page.as_uri())
         every = shown.evaluate("[...document.querySelectorAll('main section:not(#answer)')].map((e) => e.id)")
         assert shown.evaluate(hidden) == every
-        assert shown.evaluate("document.documentElement.scrollHeight") < 5000  # px; 27,900 with all parts open
+        assert (
+            shown.evaluate("document.documentElement.scrollHeight") < 5000
+        )  # px; 27,900 with all parts open
         part = shown.get_by_role("button", name="Provenance")
         assert part.get_attribute("aria-expanded") == "false"
         part.press("Enter")

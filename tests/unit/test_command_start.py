@@ -68,14 +68,32 @@ def test_a_command_begins_without_what_it_may_need_later():
         ("new", {"scipy", "model.stack.stack", "updating.results"}),
         ("ema", {"scipy.optimize", "scipy.special", "scipy.ndimage", "model.elements", "updating.fitting"}),
         ("model", {"scipy.interpolate", "scipy.ndimage"}),
-        ("fit", {"scipy.interpolate", "scipy.ndimage", "updating.report"}),
-        ("diagnose", {"scipy.interpolate", "scipy.ndimage", "updating.report"}),
+        ("fit", {"scipy.interpolate", "scipy.optimize", "updating.report", "updating.commands.diagnose"}),
+        ("diagnose", {"scipy.interpolate", "scipy.ndimage", "updating.report", "updating.changes"}),
+        ("report", {"scipy.optimize", "updating.report.page", "updating.workbench", "updating.commands.fit"}),
+        ("open", {"scipy.optimize", "updating.report.page", "updating.workbench", "updating.commands.fit"}),
+        ("view", {"scipy.optimize", "updating.report.page", "updating.workbench", "updating.commands.fit"}),
     ],
 )
 def test_a_command_begins_with_its_own_part_of_the_program(name, not_yet):
     """Each part takes some tenths of a second that a user waits for, also where a file is not there."""
     begun = imported(f"from updating import commands\ncommands.{name}_command")
     assert not begun & not_yet
+
+
+@pytest.mark.parametrize("name", ["ema", "fit", "diagnose", "next-test", "update", "pick", "simulate"])
+def test_a_file_that_is_not_there_is_named_before_anything_is_loaded(name, tmp_path):
+    words = [name, str(tmp_path / "no.toml"), *(["M1"] if name == "pick" else []), "-o", str(tmp_path)]
+    job = f"""
+from updating.errors import StoreError
+try:
+    app({words!r}, standalone_mode=False)
+except StoreError as error:
+    assert "no.toml: cannot be read: No such file or directory" in str(error)
+else:
+    raise AssertionError("nothing was said")
+"""
+    assert imported(job) & (DRAWING | SERVING | READING | NUMBERS) == set()
 
 
 def test_every_command_that_multiplies_uses_one_thread():

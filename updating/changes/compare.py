@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.special import logsumexp, ndtri
 
 from ema.campaign.campaign_file import Reassembly
 from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places, three
@@ -51,7 +51,7 @@ WITHIN = 12.0
 """Logarithm of the evidence that a kind may lack of the best and may yet gain by the structure's answer to it."""
 MOST_REFINED = 2
 """Candidates of each kind that are weighed with that answer."""
-_NODES = ndtri((np.arange(9) + 0.5) / 9.0)
+_NODES = scipy.special.ndtri((np.arange(9) + 0.5) / 9.0)
 
 
 def what_changed(
@@ -144,10 +144,10 @@ class _Tried:
         Those that were refined stand for all: what they gain by the structure's answer is the kind's.
         """
         if not self.refined:
-            return float(logsumexp(self.log))
-        before = logsumexp(self.log[:, [own.index for own in self.refined]])
-        after = logsumexp([self.mass(own) for own in self.refined])
-        return float(logsumexp(self.log) + after - before)
+            return float(scipy.special.logsumexp(self.log))
+        before = scipy.special.logsumexp(self.log[:, [own.index for own in self.refined]])
+        after = scipy.special.logsumexp([self.mass(own) for own in self.refined])
+        return float(scipy.special.logsumexp(self.log) + after - before)
 
     def mass(self, own: Refined) -> Vector:
         """Return the logarithm of the posterior mass of a refined candidate, (n_size,), as `log` counts it."""
@@ -156,7 +156,7 @@ class _Tried:
     @property
     def share(self) -> Vector:
         """Posterior share of each size and candidate within the kind, (n_size, n_candidate)."""
-        return np.asarray(np.exp(self.log - logsumexp(self.log)))
+        return np.asarray(np.exp(self.log - scipy.special.logsumexp(self.log)))
 
 
 def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
@@ -172,8 +172,8 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
         batch = _batch(kind, own, np.full(own.n, -np.log(own.n)), actions)
         if kind.on_plan:
             log = batch.weighed(error, root).log
-            cell = np.array([logsumexp(log[own.cell == i]) for i in range(len(place))])
-            cell = np.exp(cell - logsumexp(cell))
+            cell = np.array([scipy.special.logsumexp(log[own.cell == i]) for i in range(len(place))])
+            cell = np.exp(cell - scipy.special.logsumexp(cell))
             near = np.argsort(-cell)[:MOST_CELLS]
             near = near[cell[near] > LEAST_SHARE]
             keep = np.flatnonzero(~np.isin(own.cell, near))
@@ -211,7 +211,7 @@ def _concluded(
         none[g] -= 0.5 * (np.log(size / median) / SCATTER_SPREAD) ** 2
         problems.append((error, root))
         weighed.append([batch.weighed(error, root) for batch in tried])
-    apart = none - float(logsumexp(none))
+    apart = none - float(scipy.special.logsumexp(none))
     found = _joined(
         [
             _Tried(
@@ -264,7 +264,7 @@ def _refined(
         if own.kind.exact is None or log < max(evidence.max() - WITHIN, 0.0):
             made.append(own)
             continue
-        each = logsumexp(own.log, axis=0)
+        each = scipy.special.logsumexp(own.log, axis=0)
         best = [int(i) for i in np.argsort(-each)[:MOST_REFINED] if each[i] > each.max() - SEPARATE]
         made.append(
             replace(
@@ -289,7 +289,7 @@ def _scatter(at: Situation, stated: float) -> float:
         white = la.solve_triangular(root, at.joint.value[~at.is_changed], lower=True, check_finite=False)
         log.append(-0.5 * float(white @ white) - float(np.sum(np.log(np.diag(root)))))
     chance = np.array(log) - 0.5 * (np.log(_SIZES) / SCATTER_SPREAD) ** 2
-    share = np.exp(chance - logsumexp(chance))
+    share = np.exp(chance - scipy.special.logsumexp(chance))
     return max(stated, float(np.exp(share @ np.log(sizes))))
 
 
@@ -304,7 +304,7 @@ def _answer(
     seen: bool,
 ) -> WhatChanged:
     sizes, none, misfit = weighed
-    total = float(logsumexp(odds))
+    total = float(scipy.special.logsumexp(odds))
     probability = np.exp(odds - np.logaddexp(total, 0.0))
     order = np.argsort(-odds)
     of_kind = {
@@ -312,7 +312,7 @@ def _answer(
     }
     verdict, left = _verdict([of_kind[found[i].kind.name] for i in order], total, seen=seen)
     best = found[int(order[0])]
-    shares = best.share.sum(axis=1) if left else np.exp(none - logsumexp(none))
+    shares = best.share.sum(axis=1) if left else np.exp(none - scipy.special.logsumexp(none))
     made = _made(at, best)
     used = [own for own in found if own.kind.local and (own.kind.name in left or not left)]
     chance = {own.kind.name: float(probability[i]) for i, own in enumerate(found)}
@@ -439,7 +439,9 @@ def _size(own: _Tried) -> list[float]:
             of = candidates.only(np.array([one.index]))
             trial = np.minimum(factor * one.amplitude, own.kind.whole)
             values += [own.kind.exact(of, line[None, :])[0] for line in trial]
-            log = logsumexp(own.none[:, None] + one.log, axis=0) + own.batch.log_prior[one.index]
+            log = (
+                scipy.special.logsumexp(own.none[:, None] + one.log, axis=0) + own.batch.log_prior[one.index]
+            )
             logs += [log] * len(factor)
         total = np.concatenate(logs)
         return _quantiles(np.concatenate(values), np.exp(total - total.max()), levels)

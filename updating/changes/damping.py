@@ -11,8 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from updating.changes.candidate import Candidates, Part, at_heights, places, plain, three
 from updating.changes.fields import Fields
@@ -142,9 +142,9 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
         predicted = np.log(np.maximum(1.0 + share, _LEAST))
         log = np.where(keep[:, None], _log_odds(shift - predicted, shift, (stated, noise, n)), -np.inf)
         found.append((kind, candidates, size, log))
-    odds = np.array([float(logsumexp(log) - np.log(log.size)) for *_, log in found])
+    odds = np.array([float(scipy.special.logsumexp(log) - np.log(log.size)) for *_, log in found])
     odds += np.log(MISSING / len(found)) - np.log(1.0 - MISSING)
-    chance = np.exp(odds - np.logaddexp(logsumexp(odds), 0.0))
+    chance = np.exp(odds - np.logaddexp(scipy.special.logsumexp(odds), 0.0))
     order = np.argsort(-odds)
     answers = []
     for i in order:
@@ -168,14 +168,14 @@ def _log_odds(left: Vector, shift: Vector, scatter: tuple[float, Vector, int]) -
         prior = -0.5 * (np.log(size) / SCATTER_SPREAD) ** 2 - 0.5 * float(np.sum(np.log(variance)))
         total.append(prior - 0.5 * np.sum(left**2 / variance, axis=-1))
         none.append(prior - 0.5 * float(np.sum(shift**2 / variance)))
-    return np.asarray(logsumexp(np.array(total), axis=0) - logsumexp(none))
+    return np.asarray(scipy.special.logsumexp(np.array(total), axis=0) - scipy.special.logsumexp(none))
 
 
 def _kind(
     kind: DampingKind, candidates: Candidates | None, size: Vector, log: Vector, *, odds: float, chance: float
 ) -> KindOfChange:
     """Return what is known of a kind."""
-    share = np.exp(log - logsumexp(log))
+    share = np.exp(log - scipy.special.logsumexp(log))
     each = share.sum(axis=1)
     value = _EFFECTS[None, :] / (size[:, None] if kind.absolute else np.ones_like(size)[:, None])
     order = np.argsort(value.ravel())

@@ -18,10 +18,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, logsumexp
 
 from model.elements.mesh import FIELDS
 from model.reduction.reduction import shifted_factor
@@ -205,7 +205,7 @@ class Refined:
     @property
     def evidence(self) -> Vector:
         """Logarithm of the likelihood over that without a change, amplitude integrated out, (n_size,)."""
-        return np.asarray(logsumexp(self.log, axis=1))
+        return np.asarray(scipy.special.logsumexp(self.log, axis=1))
 
 
 def refine(
@@ -275,5 +275,5 @@ def _log_likelihood(
 def _log_prior(amplitude: Vector, scale: Vector, most: float) -> Vector:
     """Return the logarithm of the density of the prior, half-normal at several scales up to the largest amplitude."""
     each = -0.5 * (amplitude[:, None] / scale) ** 2 - np.log(scale * np.sqrt(2.0 * np.pi))
-    within = np.log(np.maximum(np.exp(log_ndtr(most / scale)) - 0.5, 1e-300))
-    return np.asarray(logsumexp(each - within, axis=1) - np.log(len(scale)))
+    within = np.log(np.maximum(np.exp(scipy.special.log_ndtr(most / scale)) - 0.5, 1e-300))
+    return np.asarray(scipy.special.logsumexp(each - within, axis=1) - np.log(len(scale)))

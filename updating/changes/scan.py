@@ -11,9 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
 
 from updating.changes.candidate import Candidates, Part
 
@@ -172,7 +172,10 @@ def _log_within(mean: Vector, std: Vector, upper: float) -> Vector:
     beyond = (
         a > 0.0
     )  # both ends in the upper tail: there the lower one of the mirrored variable loses nothing
-    high, low = log_ndtr(np.where(beyond, -a, b)), log_ndtr(np.where(beyond, -b, a))
+    high, low = (
+        scipy.special.log_ndtr(np.where(beyond, -a, b)),
+        scipy.special.log_ndtr(np.where(beyond, -b, a)),
+    )
     return np.asarray(high + np.log1p(-np.exp(np.minimum(low - high, -1e-15))))
 
 

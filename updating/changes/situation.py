@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from updating.changes.candidate import Part
 from updating.changes.fields import Fields
@@ -540,7 +540,7 @@ def _motion(modal: Modal) -> Vector:
 
 def _pairs(alike: Vector) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return which modes of two states are the same, one for one, by the cosines between their modal coordinates."""
-    row, column = linear_sum_assignment(alike, maximize=True)
+    row, column = scipy.optimize.linear_sum_assignment(alike, maximize=True)
     good = alike[row, column] > SAME
     return row[good], column[good]
 

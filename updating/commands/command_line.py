@@ -6,6 +6,8 @@ help waits for numbers.
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import sys
 from pathlib import Path
@@ -17,7 +19,7 @@ from rich.text import Text
 
 from updating import commands
 from updating.commands.terminal import ERR, OUT, literal, print_what_can_be
-from updating.errors import LAMELLA_ERRORS
+from updating.errors import LAMELLA_ERRORS, StoreError
 
 Folder = Annotated[
     Path,
@@ -38,8 +40,18 @@ ResultsFolder = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)
 ]
 
+
+def _there(path: Path) -> Path:
+    """Refuse a file that is not there before what would read it is imported: that takes most of a second."""
+    if not path.exists():
+        message = f"{path}: cannot be read: {os.strerror(errno.ENOENT)}"
+        raise StoreError(message)
+    return path
+
+
 CampaignFile = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False)
+    Path,
+    typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False, callback=_there),
 ]
 
 EffectFiles = Annotated[
@@ -280,7 +292,8 @@ def fit(
 @app.command(epilog="Example: lamella update data/demo_stack/update.toml -o out/update")
 def update(
     specification: Annotated[
-        Path, typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False)
+        Path,
+        typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False, callback=_there),
     ],
     output: Folder,
     effect_file: EffectFiles = None,
@@ -453,7 +466,8 @@ def view(
 @app.command(epilog="Example: lamella simulate data/demo_stack/virtual_test.toml -o data/demo_stack")
 def simulate(
     specification: Annotated[
-        Path, typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False)
+        Path,
+        typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False, callback=_there),
     ],
     output: Folder,
     effect_file: EffectFiles = None,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -16,17 +17,13 @@ from ema.types.threads import single_threaded
 from model import Stack, catalogue, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
-from updating.changes.compare import what_changed
-from updating.changes.situation import FittedReference, fit_reference
-from updating.commands.specimens import MOST_EXPLANATIONS, diagnose_pooled, print_pooled
-from updating.commands.terminal import OUT, progress
+from updating.commands.terminal import MOST_EXPLANATIONS, OUT, progress
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES, instruments_of
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
 from updating.diagnosis.evidence import DiagnosisScatter
-from updating.diagnosis.matrices_answer import diagnose_matrices
 from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command, second_level_text
@@ -47,6 +44,9 @@ from updating.results.identified import Identified, assignments, every_identifie
 from updating.results.store import kept, write_result
 from updating.results.what_changed import WhatChanged
 from updating.workers.workers import workers
+
+if TYPE_CHECKING:
+    from updating.changes.situation import FittedReference
 
 FITTED = ("support_compliance",)
 """Effects that the model of a reference has in any case where the structure can: no edge is held rigidly."""
@@ -136,6 +136,9 @@ class _Models:
     @single_threaded
     def what_changed(self, change: Change) -> WhatChanged:
         """Say what changed in a state."""
+        from updating.changes.compare import what_changed
+        from updating.changes.situation import fit_reference
+
         name, reference, repeats = change.name, change.reference, change.repeats
         heights = {
             stack_in_state(self.stack, self.tested[n].configuration).height for n in (*reference, *repeats)
@@ -178,6 +181,8 @@ def diagnose_command(
         )
         raise FitError(message)
     if has_specimens(campaign):
+        from updating.commands.specimens import diagnose_pooled, print_pooled
+
         pooled = diagnose_pooled(campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster)
         print_pooled(pooled, output, OUT)
         return
@@ -277,6 +282,8 @@ def _diagnose_matrices(
     keep: bool,
 ) -> Diagnosis:
     """Identify a campaign whose model is a structure of matrices, diagnose that, and write diagnosis.json."""
+    from updating.diagnosis.matrices_answer import diagnose_matrices
+
     tests = every_identified(assignments(campaign, output, keep=keep), "identify", OUT)
     tested = [(found.configuration.name, found.modal_model) for found in tests]
 

@@ -1,4 +1,8 @@
-"""`lamella fit`: identify a campaign, fit G_f and d_f, and add effects that all configurations share."""
+"""`lamella fit`: identify a campaign, fit G_f and d_f, and add effects that all configurations share.
+
+What only some campaigns need, such as the diagnosis or a model of matrices, is imported where it is used: each takes
+some tenths of a second to load.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -18,22 +23,14 @@ from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
 from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs
 from updating import commands
-from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import print_campaign_findings, print_findings
-from updating.commands.model import identify_and_fit_matrices, matrices_fit_table
-from updating.commands.specimens import fit_pooled, print_pooled
 from updating.commands.terminal import OUT, progress
 from updating.correlation.correlation import correlate
-from updating.diagnosis.cached_model import cached_model
-from updating.diagnosis.candidates import MESSAGES
-from updating.diagnosis.matrices_answer import MatricesFit
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.fit import fit as fit_configuration
 from updating.fitting.modal_table import TableFit, TableRow, fit_row, is_modal_table, read_modal_table
-from updating.fitting.shared_opt_G import SharedFit, fit_shared_opt_G
 from updating.fitting.target import model_file, prepare, specimen_name, stack_in_state, target_of_table
 from updating.pooled.campaign_file import has_specimens
-from updating.pooled.joint_fit import entry_of, joint_fit
 from updating.pooled.specimen import Specimen
 from updating.results.identified import (
     Assignment,
@@ -49,6 +46,9 @@ from updating.results.ledger import Entry, ledger_table, write_ledger
 from updating.results.store import folder_name, kept, write_result
 from updating.results.text import parameter_text
 from updating.workers.workers import in_parallel, workers
+
+if TYPE_CHECKING:
+    from updating.fitting.shared_opt_G import SharedFit
 
 LEAST_MAC = 0.8
 """Smallest MAC that makes a pair of modes where a command does not ask for it, as `lamella fit` has by default."""
@@ -74,6 +74,8 @@ def fit_command(
     if identify_anew:
         forget_choices(output)
     if has_specimens(campaign):
+        from updating.commands.specimens import fit_pooled, print_pooled
+
         print_pooled(fit_pooled(campaign, output, effect, effect_file, OUT, cluster=cluster), output, OUT)
         return
     if is_modal_table(campaign):
@@ -131,6 +133,8 @@ def fit_campaign(
     assigned = assignments(campaign, output, keep=keep)
     task: Callable[[Assignment], tuple[Identified, ModelFit]]
     if is_structure_file(stack_file):
+        from updating.commands.model import identify_and_fit_matrices
+
         task = partial(identify_and_fit_matrices, stack_file, threshold)
     else:
         task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
@@ -193,6 +197,9 @@ def campaign_ledger(
     Configurations of one height are one stack, with one G_f and one d_f for all its torques. One stack is fitted as a
     diagnosis does it, and with the same numbers; several, which share the effects alone, are fitted together.
     """
+    from updating.commands.diagnose import diagnose_campaign
+    from updating.pooled.joint_fit import entry_of
+
     effects = asked.effects
     heights = {fitted.stack.height for _, fitted in fits if isinstance(fitted, Fit)}
     if len(heights) < 2:
@@ -237,6 +244,10 @@ def _together(
     specimens: Sequence[Specimen], effects: Sequence[Effect], cluster: str | None
 ) -> tuple[Entry, ...]:
     """Return the ledger of effects that specimens share."""
+    from updating.diagnosis.cached_model import cached_model
+    from updating.diagnosis.candidates import MESSAGES
+    from updating.pooled.joint_fit import joint_fit
+
     added = {effect.name: effect for effect in effects}
     with workers(MESSAGES, cluster) as executor, progress("fit", OUT):
         return joint_fit("", specimens, added, executor=executor, reduced=cached_model).ledger
@@ -249,6 +260,8 @@ def table_ledger(
     known: dict[str, Effect] | None = None,
 ) -> tuple[Entry, ...]:
     """Fit effects that all rows of a modal table share, by opt_G over all, and write ledger.json and ledger.csv."""
+    from updating.fitting.shared_opt_G import fit_shared_opt_G
+
     table = read_modal_table(campaign)
     added = find_effects(effects, known)
     prepared = prepare(
@@ -285,10 +298,11 @@ def _opt_G_entry(fit: SharedFit) -> Entry:
 
 def _table(measured: ModalModel, fit: ModelFit) -> Table:
     """Put measured beside fitted modes, of matrices or of a stack."""
-    if isinstance(fit, MatricesFit):
-        return matrices_fit_table(measured, fit)
-    assert isinstance(fit, Fit)
-    return fit_table(measured, fit)
+    if isinstance(fit, Fit):
+        return fit_table(measured, fit)
+    from updating.commands.model import matrices_fit_table
+
+    return matrices_fit_table(measured, fit)
 
 
 def fit_table(measured: ModalModel, fit: Fit) -> Table:

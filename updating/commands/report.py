@@ -1,4 +1,7 @@
-"""The commands that show results: the report, shapes of one configuration, the workbench."""
+"""The commands that show results: the report, shapes of one configuration, the workbench.
+
+What draws and serves is imported once there is something to show: it takes most of a second to load.
+"""
 
 from __future__ import annotations
 
@@ -12,29 +15,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.identification.stabilization import stabilization
 from ema.plot import palette
-from ema.plot.figures import stabilization_figure
 from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
-from updating.commands.fit import LEAST_MAC, fit_campaign
 from updating.commands.terminal import OUT
 from updating.errors import StoreError
-from updating.fitting.plots import SWELL, ShapePair, shape_pairs
-from updating.report.files import find_browser, print_pdf, write_gifs, write_slides
-from updating.report.frf_part import frf_section
-from updating.report.identified_model import with_models
-from updating.report.modes_part import shape_section
-from updating.report.page import render, write_report
 from updating.report.results import Tested, read_results
 from updating.results.identified import forget_choices
 from updating.results.store import write_bytes
-from updating.workbench.opened import find
-from updating.workbench.server import serve
-from updating.workers.workers import workers
 
 if TYPE_CHECKING:
     import pyvista
+
+    from updating.fitting.plots import ShapePair
 
 
 @single_threaded
@@ -43,6 +36,9 @@ def report_command(
 ) -> None:
     """Make the report of a folder in the forms that are asked for, and say where they are."""
     with OUT.status("drawing"):
+        from updating.report.files import find_browser, print_pdf, write_gifs, write_slides
+        from updating.report.identified_model import with_models
+
         page = make_report(folder, keep=keep, only=only)
     results = with_models(read_results(folder, keep=keep))
     for sentence in results.remarks:
@@ -58,6 +54,9 @@ def report_command(
 
 def make_report(folder: Path, *, keep: bool = False, only: Sequence[str] = ()) -> Path:
     """Make the page of a results folder, its configurations in parallel; the rest as in `write_report`."""
+    from updating.report.page import write_report
+    from updating.workers.workers import workers
+
     with workers(len(list(folder.glob("*/modal_model.json")))) as executor:
         return write_report(folder, executor, keep=keep, only=only)
 
@@ -113,6 +112,10 @@ def show(folder: Path, configuration: str | None) -> Path | None:
     if has_display():
         window(tested).show()
         return None
+    from updating.report.frf_part import frf_section
+    from updating.report.modes_part import shape_section
+    from updating.report.page import render
+
     page = folder / "view.html"
     parts = (shape_section(tested), frf_section(tested))
     write_bytes(page, render(f"{results.name}: {tested.name}", parts).encode())
@@ -137,6 +140,8 @@ def window(tested: Tested, *, off_screen: bool = False) -> pyvista.Plotter:
     """
     import pyvista as pv
 
+    from updating.fitting.plots import shape_pairs
+
     pairs = shape_pairs(tested.measured, tested.fit)
     with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
         plotter: Any = pv.Plotter(
@@ -150,6 +155,9 @@ def window(tested: Tested, *, off_screen: bool = False) -> pyvista.Plotter:
     shapes = _Shapes(plotter, pairs)
     plotter.subplot(1, 0)
     if tested.has_functions:
+        from ema.identification.stabilization import stabilization
+        from ema.plot.figures import stabilization_figure
+
         figure = stabilization_figure(stabilization(tested.frf().band(*tested.measured.band)))
         plotter.add_chart(pv.ChartMPL(figure))
     else:
@@ -173,6 +181,8 @@ class _Shapes:
 
     def __init__(self, plotter: Any, pairs: tuple[ShapePair, ...]) -> None:
         import pyvista as pv
+
+        from updating.fitting.plots import SWELL
 
         self.plotter, self.pairs, self.mode, self.time = plotter, pairs, 0, 0
         self.rest = pairs[0].coordinate
@@ -233,6 +243,8 @@ def open_command(path: Path, output: Path | None, port: int, *, browser: bool, i
     """Serve the workbench of a folder, a campaign or its results until Ctrl-C."""
 
     def make(campaign: Path, folder: Path) -> None:
+        from updating.commands.fit import LEAST_MAC, fit_campaign
+
         for _ in fit_campaign(campaign, folder, LEAST_MAC, OUT):
             pass
 
@@ -240,7 +252,11 @@ def open_command(path: Path, output: Path | None, port: int, *, browser: bool, i
         OUT.print(f"Workbench: {address}", soft_wrap=True)
         OUT.print("It shows what others must not see to whoever has this address. Ctrl-C ends it.")
 
+    from updating.workbench.opened import find
+
     opened = find(path, output, make)
+    from updating.workbench.server import serve  # with all of its panels, once there is something to show
+
     if identify_anew:
         forget_choices(opened.folder)
         make(opened.campaign, opened.folder)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from model import catalogue, find_effects
-from updating.commands.terminal import progress
+from updating.commands.terminal import MOST_EXPLANATIONS, progress
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
@@ -20,8 +20,6 @@ from updating.results.identified import assignments, every_identified
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanation_text, specimen_row
 from updating.results.store import kept
 from updating.workers.workers import workers
-
-MOST_EXPLANATIONS = 8
 
 
 def diagnose_pooled(

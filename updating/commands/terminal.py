@@ -18,6 +18,7 @@ from rich.text import Text
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+MOST_EXPLANATIONS = 8  # that a table prints
 _WIDEST = 10_000  # characters of a table in a file
 _CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from ema.modal.mac import real_shape
 from ema.types.arrays import readonly
@@ -520,7 +520,7 @@ def _solve(matrices: Matrices, omega: float, rows: Vector, shape: Vector) -> _Fi
 
     low, high = -np.log(value[-1]) - 10.0, -np.log(value[0]) + 10.0
     weak = misfit(low) <= 1.0  # nothing was measured beyond the noise
-    log_r = low if weak else float(brentq(lambda log_r: misfit(log_r) - 1.0, low, high))
+    log_r = low if weak else float(scipy.optimize.brentq(lambda log_r: misfit(log_r) - 1.0, low, high))
     e = answer @ (vector @ (part * np.exp(log_r) / (1.0 + np.exp(log_r) * value)))
     u = la.solve(dynamic, stiffness @ e, assume_a="sym")
     unit = np.sqrt(u @ stiffness @ u)

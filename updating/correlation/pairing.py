@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import scipy
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.sparse.csgraph import connected_components
 
 from ema.modal.mac import mac
 from ema.types.arrays import readonly
@@ -184,7 +183,7 @@ def _by_subspace(
         weak = inside[value[row[inside], column[inside]] < threshold]
         if weak.size:
             among = (value + scores.bonus)[np.ix_(row[weak], column[weak])]
-            column[weak] = column[weak][linear_sum_assignment(among, maximize=True)[1]]
+            column[weak] = column[weak][scipy.optimize.linear_sum_assignment(among, maximize=True)[1]]
             whole[inside] = True
             common[inside] = _common_subspace(
                 measured.shape, model.shape, row[inside], column[inside], groups
@@ -232,7 +231,9 @@ def _assign(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows and columns of the assignment of the largest sum, without those below the threshold."""
     allowed = likeness >= threshold
-    row, column = linear_sum_assignment(np.where(allowed, likeness + bonus, 0.0), maximize=True)
+    row, column = scipy.optimize.linear_sum_assignment(
+        np.where(allowed, likeness + bonus, 0.0), maximize=True
+    )
     kept = allowed[row, column]
     return row[kept], column[kept]
 
@@ -274,7 +275,9 @@ def _linked(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.i
     n_first, n_second = int(first.max(initial=-1)) + 1, int(second.max(initial=-1)) + 1
     size = n_first + n_second
     graph = sp.coo_array((np.ones(first.size), (first, n_first + second)), shape=(size, size))
-    return np.asarray(connected_components(graph, directed=False)[1][first], dtype=np.int64)
+    return np.asarray(
+        scipy.sparse.csgraph.connected_components(graph, directed=False)[1][first], dtype=np.int64
+    )
 
 
 def _tie_breaker(
@@ -384,7 +387,7 @@ def track(steps: Sequence[Modes], mass: ArrayLike, *, n_mode: int, close: float 
     for step in steps[1:]:
         turned = _turned(step, followed, matrix, close)
         likeness = cross_orthogonality(followed, turned, matrix)
-        column = linear_sum_assignment(likeness**2, maximize=True)[1]
+        column = scipy.optimize.linear_sum_assignment(likeness**2, maximize=True)[1]
         columns.append(column)
         values.append(likeness[np.arange(n_mode), column])
         followed = turned[:, column]
@@ -406,6 +409,7 @@ def _turned(
         if nearest.size == group.size:
             root = np.linalg.cholesky(mass).T
             rotation = rotate_onto(root @ turned[:, group], root @ followed[:, nearest])
-            order = linear_sum_assignment(np.abs((root @ turned[:, group]).T @ rotation), maximize=True)[1]
+            alike = np.abs((root @ turned[:, group]).T @ rotation)
+            order = scipy.optimize.linear_sum_assignment(alike, maximize=True)[1]
             turned[:, group] = np.linalg.solve(root, rotation[:, order])
     return turned

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.modal.configurations import factor_text
 from ema.modal.mac import mac
@@ -318,7 +318,7 @@ def _distance(
     """Return how far measured modes are from the model's in the mean, by shape and frequency, and which are which."""
     alike = mac(gain[:, None] * measured.shape, modes.shape[:n_dof])
     apart = np.abs(np.log(measured.frequency[:, None] / modes.frequency))
-    row, column = linear_sum_assignment(alike - np.minimum(apart, 0.5), maximize=True)
+    row, column = scipy.optimize.linear_sum_assignment(alike - np.minimum(apart, 0.5), maximize=True)
     far = np.minimum((apart[row, column] / _FAR) ** 2, 1.0) + 1.0 - alike[row, column]
     paired = alike[row, column] >= _PAIRED
     return float(np.mean(far)), row[paired], column[paired]

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares, linear_sum_assignment
 
 from ema.modal.mac import mac
 from ema.types.arrays import readonly
@@ -377,7 +377,9 @@ def estimate_stiffness(
 
     low, high = np.log(bounds)
     first, ends = [np.clip(np.log(start), low, high)], ([low], [high])
-    solution = least_squares(residual, first, jac=jacobian, bounds=ends, xtol=1e-10, ftol=1e-12)
+    solution = scipy.optimize.least_squares(
+        residual, first, jac=jacobian, bounds=ends, xtol=1e-10, ftol=1e-12
+    )
     value = float(np.exp(solution.x[0]))
     frequency, gradient = predict(value)
     return Estimate(
@@ -479,4 +481,4 @@ def _elastic(system: ReducedSystem, observed: Observed, G_f: float, d_f: float) 
 def _assign(shape: NDArray[np.complex128], modes: Modes) -> NDArray[np.int64]:
     """Return the model mode of each measured shape by the largest sum of MAC values, without a threshold."""
     likeness = np.where(visible(modes.shape), mac(shape, modes.shape), 0.0)
-    return np.asarray(linear_sum_assignment(likeness, maximize=True)[1])
+    return np.asarray(scipy.optimize.linear_sum_assignment(likeness, maximize=True)[1])

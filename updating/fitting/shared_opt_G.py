@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
-from scipy.special import stdtrit
 
 from ema.types.threads import single_threaded
 from model import Parameter, shared_parameters
@@ -244,7 +243,7 @@ class _Problem:
                 known[key] = self.evaluate(whole, kept)
             return known[key]
 
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             lambda y: at(y)[0],
             np.clip(x, low + inside, high - inside)[chosen],
             jac=lambda y: at(y)[1][:, chosen],
@@ -278,7 +277,7 @@ def _estimates(
     spread[at_bound] = 0.0
     covariance = np.linalg.pinv(jacobian[:, inner].T @ jacobian[:, inner], hermitian=True)
     spread[inner] = np.sqrt(np.maximum(np.diag(covariance), 0.0) * float(residual @ residual) / degrees)
-    reach = float(stdtrit(degrees, 0.975)) * spread[:n]
+    reach = float(scipy.special.stdtrit(degrees, 0.975)) * spread[:n]
     ends = np.clip(np.stack([x[:n] - reach, x[:n] + reach]), 0.0, 1.0)
     found, std = [], []
     for j, p in enumerate(problem.free):

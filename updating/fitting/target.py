@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema import Campaign, Configuration
 from ema.modal.mac import mac, real_shape
@@ -316,7 +316,7 @@ def partners(prepared: Prepared, modes: Modes) -> NDArray[np.int64]:
         names = shape_classes(modes)
         return np.array([names.index(n) if n in names else -1 for n in target.shape_class], np.int64)
     likeness = np.where(visible(modes.shape), mac(target.shape, modes.shape), 0.0)
-    return np.asarray(linear_sum_assignment(likeness, maximize=True)[1], np.int64)
+    return np.asarray(scipy.optimize.linear_sum_assignment(likeness, maximize=True)[1], np.int64)
 
 
 def _pairs(prepared: Prepared, bounds: tuple[float, float], threshold: float) -> NDArray[np.bool_]:

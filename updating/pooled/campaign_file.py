@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
@@ -34,10 +34,12 @@ from model import Stack, read_stack
 from model.stack.errors import StackError
 from model.stack.stack_file import stack_inputs
 from updating.errors import FitError, StoreError
-from updating.pooled.classed import Classes
 from updating.pooled.modal_files import classes, modal_model
 from updating.pooled.specimen import Specimen
 from updating.results.store import read_result
+
+if TYPE_CHECKING:
+    from updating.pooled.classed import Classes
 
 
 class MaterialSection(Section):
@@ -224,6 +226,9 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
     StoreError
         A file is no modal model.
     """
+    # With parts of a diagnosis, which nobody waits for who only asks what a file is.
+    from updating.pooled.classed import Classes
+
     found, of_classes = [], Classes()
     for stack, own in zip(campaign.stacks, campaign.content.specimen, strict=True):
         tested = []

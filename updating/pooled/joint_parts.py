@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.modal.mac import mac
 from updating.diagnosis.answer_parts import Moved, Sizes
@@ -341,7 +341,7 @@ def _told(errors: Errors, *, paired: bool) -> Vector:
 def _partners(errors: Errors) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return measured modes and the model's modes that have the largest part in them, each taken once."""
     part = np.where(errors.modelled > 0.0, errors.weight**2, -1.0)
-    row, column = linear_sum_assignment(part, maximize=True)
+    row, column = scipy.optimize.linear_sum_assignment(part, maximize=True)
     return row, column
 
 

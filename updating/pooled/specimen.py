@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from model import Stack
-from updating.diagnosis.assembly import Campaigned
 from updating.results.pooled import LevelKind
+
+if TYPE_CHECKING:
+    from updating.diagnosis.assembly import Campaigned
 
 UNTREATED = ("", "none", "no", "-")
 """Notes that say that there is nothing: no group."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from ema.types.arrays import readonly
 from model import Stack, find_effects, read_stack
@@ -106,7 +106,7 @@ def pressure_law(prepared: Sequence[Prepared], *, effects: Collection[str] = ())
         fixed = {p.name: p.value for p in known.parameter}
         refitted.append(_fit([weak], effects, fixed, first=power).frequency[0])
     n, std, interval = _exponent(power)
-    spread = float(np.sqrt((len(low) - 1) * np.var(without)) * stdtrit(len(low) - 1, 0.975))
+    spread = float(np.sqrt((len(low) - 1) * np.var(without)) * scipy.special.stdtrit(len(low) - 1, 0.975))
     return PressureLaw(
         exponent=n,
         std=std,

@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from ema.campaign.campaign_file import DAMPING_SCATTER, FREQUENCY_SCATTER
 from updating.fitting.target import Prepared, solve_target
@@ -206,7 +206,7 @@ def slope(x: Vector, y: Vector, least: float) -> Shift:
     square = float(x @ x)
     value = float(x @ y) / square
     scatter = max(float(np.sum((y - value * x) ** 2)) / (x.size - 1), least**2)
-    half = float(stdtrit(x.size - 1, 0.975)) * np.sqrt(scatter / square)
+    half = float(scipy.special.stdtrit(x.size - 1, 0.975)) * np.sqrt(scatter / square)
     return Shift(value=value, lower=value - half, upper=value + half)
 
 
@@ -218,7 +218,7 @@ def together(found: Sequence[Shift]) -> Shift:
     values = np.array([own.value for own in known])
     n = len(known)
     own = np.sqrt(np.sum([(one.upper - one.value) ** 2 for one in known])) / n
-    between = float(stdtrit(n - 1, 0.975)) * float(values.std(ddof=1)) / np.sqrt(n)
+    between = float(scipy.special.stdtrit(n - 1, 0.975)) * float(values.std(ddof=1)) / np.sqrt(n)
     half, value = max(float(own), between), float(values.mean())
     return Shift(value=value, lower=value - half, upper=value + half)
 

@@ -13,7 +13,6 @@ from ema.plot import palette
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.diagnosis.answer_parts import Moved
-from updating.diagnosis.matrices_answer import MatricesFit
 from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
 from updating.fitting.fit import Estimate, ParameterEstimate
 from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, svg
@@ -130,12 +129,15 @@ def ledger_chart(entries: Sequence[Entry]) -> str:
                     "type": "bar", "orientation": "h", "name": name, "legendgroup": name, "showlegend": row == 1,
                     "x": value, "y": names, "xaxis": f"x{place}", "yaxis": f"y{place}", "offsetgroup": name,
                     "text": ["" if np.isnan(v) else f"{v:.2f}" for v in value], "textposition": "outside",
-                    "cliponaxis": False, "marker": {"color": shade}, "hovertemplate": "%{x:.3g} %<extra>" + name + "</extra>",
+                    "cliponaxis": False, "marker": {"color": shade},
+                    "hovertemplate": "%{x:.3g} %<extra>" + name + "</extra>",
                 }
             )  # fmt: skip
         low, high = 1.0 - row / len(kinds), 1.0 - (row - 1) / len(kinds)
         widest = 100.0 * float(np.nanmax([_errors(e, kind) for e in entries]))
-        layout[f"xaxis{place}"] = axis(f"mean {kind} error [%]", anchor=f"y{place}", range=[0.0, 1.2 * widest])
+        layout[f"xaxis{place}"] = axis(
+            f"mean {kind} error [%]", anchor=f"y{place}", range=[0.0, 1.2 * widest]
+        )
         domain = [low + (_GAP if row < len(kinds) else 0.0), high]
         layout[f"yaxis{place}"] = {
             "autorange": "reversed", "automargin": True, "domain": domain, "anchor": f"x{place}", "showgrid": False,
@@ -237,10 +239,9 @@ def interval_table(results: Results) -> Table:
         for e in _estimates(t)
     ]
     rows += [
-        _moved_row(t.name, own, at_bound=own.name in fit.at_bound)
+        _moved_row(t.name, own, at_bound=at_bound)
         for t in results.tested
-        if isinstance(fit := t.fit, MatricesFit)
-        for own in fit.moved
+        for own, at_bound in _matrices_moved(t)
     ]
     rows += [
         _row(
@@ -270,6 +271,17 @@ def _row(
     if estimate.at_bound:
         return fitted_to, estimate.name, unit, f"{estimate.value:.4g}", "", "", remark
     return fitted_to, estimate.name, unit, *ends(estimate.value, *interval), remark
+
+
+def _matrices_moved(tested: Tested) -> list[tuple[Moved, bool]]:
+    """Return what a fit of matrices moved, and whether it ended at a bound; nothing of a fit of a stack."""
+    if tested.fit is None or tested.stack_fit is not None:
+        return []
+    # With all of a diagnosis, which few reports need.
+    from updating.diagnosis.matrices_answer import MatricesFit
+
+    assert isinstance(tested.fit, MatricesFit)
+    return [(own, own.name in tested.fit.at_bound) for own in tested.fit.moved]
 
 
 def _moved_row(fitted_to: str, own: Moved, *, at_bound: bool) -> tuple[str, ...]:
@@ -493,7 +505,7 @@ def _printed(diagnosis: Diagnosis, name: str) -> str:
 
 
 def _label(diagnosis: Diagnosis, name: str) -> str:
-    return diagnosis.labels.get(name, name)
+    return diagnosis.labels[name] if name in diagnosis.labels else name
 
 
 def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:

@@ -13,7 +13,6 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.joint_answer import Updated
-from updating.diagnosis.matrices_answer import MatricesFit
 from updating.errors import StoreError
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.modal_table import ModalTable, TableFit
@@ -106,7 +105,7 @@ class Tested:
     @property
     def has_parameters(self) -> bool:
         """Whether parameters of a model were fitted to this configuration alone."""
-        return self.opt is not None or isinstance(self.fit, MatricesFit)
+        return self.opt is not None or (self.fit is not None and self.stack_fit is None)
 
     @property
     def shown(self) -> ModelFit | None:
@@ -357,8 +356,12 @@ def _with_references(every: Sequence[Tested]) -> tuple[Tested, ...]:
 
 def _kind_of_fit(path: Path) -> type[ModelFit]:
     """Return what a fit is of: matrices, or a stack."""
-    is_matrices = path.exists() and read_document(path)["kind"] == MatricesFit.__name__
-    return MatricesFit if is_matrices else Fit
+    if not path.exists() or read_document(path)["kind"] == Fit.__name__:
+        return Fit
+    # With all of a diagnosis, which few results need.
+    from updating.diagnosis.matrices_answer import MatricesFit
+
+    return MatricesFit
 
 
 def _read_table(folder: Path, reader: _Reader) -> Results:

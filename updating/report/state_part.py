@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.special
+import scipy
 from numpy.typing import NDArray
 
 from ema import Change, change_csv, change_sentence
