@@ -40,6 +40,22 @@ class Verdict:
     force: tuple[int, ...] = ()
     point: tuple[int, ...] = ()
 
+    @property
+    def finding(self) -> str:
+        """What was found, behind how grave it is."""
+        return f"{_GRAVITY[self.level]}{self.message}"
+
+    @property
+    def text(self) -> str:
+        """The finding behind what the check is called."""
+        return f"{label(self.check)}: {self.finding}"
+
+
+_GRAVITY = {"pass": "", "warn": "warning: ", "fail": "failure: "}
+
+NOTES = "What was odd in the files and how it was read, and whether runs differ from each other."
+"""What notes on a measurement are, which no check makes."""
+
 
 def listing(names: Sequence[str], most: int = 4, separator: str = ", ") -> str:
     """Return some names in one text, of many the first ones."""

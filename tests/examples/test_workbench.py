@@ -176,8 +176,12 @@ def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
     page.evaluate(click)
     page.wait_for_function(f"{names}.includes('5+z over')")
     about, others = findings(read_results(folder[1]).tested[0], 5)
-    assert page.locator("#about li").all_text_contents() == about
-    assert page.locator("#others li").all_text_contents() == others
+    for name, told in (("about", about), ("others", others)):
+        lines = page.locator(f"#{name} li")
+        assert lines.all_text_contents() == [own["text"] for own in told]
+        assert lines.evaluate_all("(all) => all.map((li) => li.title)") == [own["hint"] for own in told]
+        assert all(own["hint"].endswith(".") for own in told)
+    assert about + others
     (file,) = page.locator("#files li").all_text_contents()
     assert re.fullmatch(r"5\+z: run \d+, .*run_\d+\.uff: data set \d+ \(58b?\)", file)
     drawn = page.evaluate(

@@ -61,7 +61,7 @@ def test_a_shifted_run_is_named_with_its_modes_and_shifts():
         )
 
     assert quality(found([[0, 0], [0, -1e-3], [0, 0]])).findings == (
-        "warn: sign: 12+z looks turned",
+        "sign of the sensors: warning: 12+z looks turned",
         "12+z measured twice",
         "run 2 disagrees with the others: 200.0 Hz by -0.100 %; scatter between runs, which neither a sensor's mass "
         "nor a drift explains",

@@ -50,12 +50,26 @@ def first(**given):
 
 def test_what_was_found_is_said_in_one_sentence_with_the_name_that_a_person_uses():
     own = first(verdict="identified", set=(("clamp_mass",),))
-    assert own.badge == "identified"
+    assert own.badge == "effect identified"
     assert own.sentence == (
         "What the model lacks is clamp mass: with it the mean frequency error falls from 3.4 % to 1.0 %, of modes left "
         "out from 4.3 % to 1.6 %."
     )
     assert own.command == "lamella fit 'my test/x.toml' -o out/x --effect clamp_mass"
+
+
+def test_the_badge_says_what_was_identified():
+    assert first(verdict="identified", set=(("clamp_mass", "weld_seam"),)).badge == "effects identified"
+    own = first(verdict="identified", set=(("clamp_mass",),), measurement=("clamp_mass",))
+    assert own.badge == "fault of the measurement identified"
+
+
+@pytest.mark.parametrize(("apart", "said"), [(0.026, True), (0.02, False), (float("nan"), False)])
+def test_how_badly_a_whole_configuration_is_predicted_is_said_where_it_matters(apart, said):
+    mass = replace(MASS, left_out_error=0.007, left_out_configuration_error=apart)
+    for verdict in ("identified", "partly explained"):
+        sentence = first(verdict=verdict, set=(("clamp_mass",),), ranking=(BASE, mass)).sentence
+        assert ("A whole configuration that is left out is predicted to 2.6 % only: its contact is" in sentence) == said
 
 
 def test_where_frequencies_hardly_gain_the_errors_of_damping_tell_what_it_is_worth():

@@ -111,7 +111,7 @@ def demo_command(output: Path) -> None:
     _say(f"Report: {make_report(output)}")
     _say(
         f"Step by step: lamella fit {campaign} -o {output}, then lamella diagnose with the same words; it ends with "
-        "the command that adds what it found."
+        "the command that adds what was identified."
     )
 
 

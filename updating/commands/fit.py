@@ -301,7 +301,9 @@ def _table(measured: ModalModel, fit: ModelFit) -> Table:
     if isinstance(fit, Fit):
         return fit_table(measured, fit)
     from updating.commands.model import matrices_fit_table
+    from updating.diagnosis.matrices_answer import MatricesFit
 
+    assert isinstance(fit, MatricesFit)
     return matrices_fit_table(measured, fit)
 
 

@@ -13,6 +13,7 @@ from updating.diagnosis.answer import Diagnosis, Verdict, telling
 from updating.diagnosis.text import further_effects, next_command
 from updating.inference.levels import SEPARATE
 from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
+from updating.report.ledger_part import APART
 from updating.report.part import Opening, Picture, Section, Table
 from updating.report.results import Results
 from updating.results.text import Z95, estimate_text, percent, quantity, together
@@ -57,11 +58,33 @@ def opening(results: Results) -> Opening:
     tone = _TONE.get(found.verdict, "open")
     command, reason = _after_diagnosis(results, found)
     return Opening(
-        badge=found.verdict,
+        badge=_badge(found),
         tone=tone,  # type: ignore[arg-type]
-        sentence=" ".join((headline(found), *frac_sentence(results))),
+        sentence=" ".join((headline(found), *apart_sentence(found), *frac_sentence(results))),
         command=command,
         reason=reason,
+    )
+
+
+def _badge(found: Diagnosis) -> str:
+    """Return the verdict in a word or two; where something was identified, what: modes are identified, too."""
+    if found.verdict != "identified":
+        return found.verdict
+    if set(found.set[0]) <= set(found.measurement):
+        return "fault of the measurement identified"
+    return "effect identified" if len(found.set[0]) == 1 else "effects identified"
+
+
+def apart_sentence(found: Diagnosis) -> tuple[str, ...]:
+    """Say how well a whole configuration is predicted by the others, where that is much worse than a mode is."""
+    if found.verdict not in ("identified", "partly explained", "nothing missing"):
+        return ()
+    own = found.ranked(found.set[0] if found.set else ())
+    if not own.left_out_configuration_error > APART * own.left_out_error:  # NaN where there is no other one
+        return ()
+    return (
+        f"A whole configuration that is left out is predicted to {percent(own.left_out_configuration_error)} only: its "
+        "contact is then taken from the others, and each assembly differs.",
     )
 
 

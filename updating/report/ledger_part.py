@@ -32,7 +32,7 @@ _ERRORS = {
 
 _NAMES = ("fitted", "mode held out", "configuration held out")
 
-_APART = 3.0
+APART = 3.0
 """Error of configurations held out, over that of modes held out, from which the page says what it is of."""
 
 _WIDE = 16  # characters of a model's name beside its bars
@@ -201,7 +201,7 @@ def _sentence(entries: Sequence[Entry]) -> str:
     if best is base:
         return f"The base model's frequencies are off by {100 * base.error:.2f} % on average."
     names = " and ".join(printed_effects(best.effects))
-    apart = best.configuration_error > _APART * best.mode_error
+    apart = best.configuration_error > APART * best.mode_error
     return (
         f"With {names} the mean frequency error goes from {100 * base.error:.2f} % to "
         f"{100 * best.error:.2f} % on the data fitted, and from {100 * base.mode_error:.2f} % to "

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ema.modal.mac import LEAST_MPC, complexity, mac
 from ema.plot import palette
 from ema.plot.figures import mac_figure
-from ema.quality.verdict import label, meaning
+from ema.quality.verdict import NOTES, label, meaning
 from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
 from updating.correlation.plots import comac_figure
@@ -224,15 +224,17 @@ def quality_table(tested: Tested) -> Table:
     found = sorted((v for v in own.verdicts if v.level != "pass"), key=lambda v: v.level)  # failures first
     nodes = tested.measured.node.tolist()
     points = [*(_function(v.point, nodes) for v in found), *("" for _ in own.notes)]
-    rows = list(zip(points, own.findings, strict=True))
+    checks = [*(label(v.check) for v in found), *("" for _ in own.notes)]
+    rows = list(zip(points, checks, (*(v.finding for v in found), *own.notes), strict=True))
     table = Table(
         title="Quality of the measurement",
-        header=("point", "finding"),
-        rows=tuple(rows) or (("", "nothing suspicious"),),
-        note="Each finding says what to do about it. What was checked and is in order stands below.",
-        link=tuple(f"#{anchor(frf_title(tested))}" if point else "" for point, _ in rows),
+        header=("point", "check", "finding"),
+        rows=tuple(rows) or (("", "", "nothing suspicious"),),
+        note="Each finding says what to do about it; the cursor on it shows what its check looks at. What was checked "
+        "and is in order stands below.",
+        link=tuple(f"#{anchor(frf_title(tested))}" if point else "" for point, *_ in rows),
         chooses=True,
-        hint=(*(meaning(v.check) for v in found), *("" for _ in own.notes)) if rows else (),
+        hint=(*(meaning(v.check) for v in found), *(NOTES for _ in own.notes)) if rows else (),
     )
     return table.without_empty_columns()
 

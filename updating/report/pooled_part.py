@@ -65,7 +65,7 @@ def _overview(found: PooledDiagnosis) -> Section:
             (own.name, *(own.notes.get(name, "") for name in columns), *specimen_row(own)[1:])
             for own in found.specimens
         ),
-        note="Frequency errors are means over the modes of a specimen: of the base model, with what was found, and "
+        note="Frequency errors are means over the modes of a specimen: of the base model, with what was identified, and "
         "where what specimens share is taken from the others. Odd: effects that a specimen has alone. A click on a "
         "heading sorts.",
         link=tuple(f"#{_own_section(own).anchor}" for own in found.specimens),
@@ -112,11 +112,11 @@ def _mode_table(own: SpecimenAnswer) -> Table:
             "measured [Hz]",
             "base model [Hz]",
             "error [%]",
-            "with what was found [Hz]",
+            "with what was identified [Hz]",
             "error [%]",
             "damping measured [%]",
             "base model [%]",
-            "with what was found [%]",
+            "with what was identified [%]",
         ),
         rows=tuple(
             (
@@ -168,7 +168,7 @@ def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
             ),
         ),
         alt=f"Frequency errors of {len(specimens)} specimens before and after; odd: {', '.join(odd) or 'none'}",
-        caption="Mean frequency error of each specimen with the base model and with what was found. "
+        caption="Mean frequency error of each specimen with the base model and with what was identified. "
         + ("A diamond marks what is odd." if odd else "No specimen is odd."),
         chart=_error_chart(specimens),
     )
@@ -180,7 +180,7 @@ def _error_series(
     """Return marker, colour and name of what is drawn for a specimen, those that have it, and of which error."""
     found = [
         ("circle", palette.BASE, "base model", list(specimens), "base_error"),
-        ("circle", palette.FOUND, "with what was found", list(specimens), "error"),
+        ("circle", palette.FOUND, "with what was identified", list(specimens), "error"),
     ]
     odd = [own for own in specimens if own.odd]
     return [*found, *([("diamond", palette.ACCENT, "odd", odd, "error")] if odd else [])]

@@ -230,12 +230,7 @@ class Quality:
     @property
     def findings(self) -> tuple[str, ...]:
         """What a user should read: failures of the checks, then warnings, then the notes."""
-        found = (
-            f"{v.level}: {v.check}: {v.message}"
-            for level in ("fail", "warn")
-            for v in self.verdicts
-            if v.level == level
-        )
+        found = (v.text for level in ("fail", "warn") for v in self.verdicts if v.level == level)
         return (*found, *self.notes)
 
 

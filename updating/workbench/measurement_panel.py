@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ema.modal.mac import complexity
 from ema.plot import palette
 from ema.plot.figures import UNIT
+from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
 from updating.correlation.plots import synthesized
 from updating.report.part import axis, chart, legend_above, single
@@ -158,14 +159,14 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
     return chart(traces, layout)
 
 
-def findings(tested: Tested, point: int) -> tuple[list[str], list[str]]:
-    """Return what was found about one point, and all else that was found about the measurement."""
-    about: list[str] = []
-    others: list[str] = []
+def findings(tested: Tested, point: int) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
+    """Return what was found about one point, and all else about the measurement, each with what its check looks at."""
+    about: list[dict[str, str]] = []
+    others: list[dict[str, str]] = []
     for own in tested.quality.verdicts:
         if own.level != "pass":
-            (about if point in own.point else others).append(f"{own.check}: {own.message}")
-    return about, [*others, *tested.quality.notes]
+            (about if point in own.point else others).append({"text": own.text, "hint": meaning(own.check)})
+    return about, [*others, *({"text": note, "hint": NOTES} for note in tested.quality.notes)]
 
 
 def modes_rows(tested: Tested) -> list[dict[str, str]]:
@@ -284,7 +285,9 @@ def _list(title: str, key: str, none: str) -> Sequence[Any]:
     return (
         html.H2(title, classes="text-subtitle-1 mt-2"),
         html.Ul(
-            f'<li v-for="line in {key}" :key="line">{{{{ line }}}}</li>', classes="ml-5 text-body-2", id=key
+            f'<li v-for="line in {key}" :key="line.text ?? line" :title="line.hint">{{{{ line.text ?? line }}}}</li>',
+            classes="ml-5 text-body-2",
+            id=key,
         ),
         html.P(none, v_if=f"{key}.length === 0", classes="text-body-2"),
     )
