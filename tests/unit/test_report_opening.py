@@ -69,7 +69,9 @@ def test_how_badly_a_whole_configuration_is_predicted_is_said_where_it_matters(a
     mass = replace(MASS, left_out_error=0.007, left_out_configuration_error=apart)
     for verdict in ("identified", "partly explained"):
         sentence = first(verdict=verdict, set=(("clamp_mass",),), ranking=(BASE, mass)).sentence
-        assert ("A whole configuration that is left out is predicted to 2.6 % only: its contact is" in sentence) == said
+        assert (
+            "A whole configuration that is left out is predicted to 2.6 % only: its contact is" in sentence
+        ) == said
 
 
 def test_where_frequencies_hardly_gain_the_errors_of_damping_tell_what_it_is_worth():

@@ -169,7 +169,7 @@ def step_picture(way: Sequence[Step]) -> Picture:
         ),
         alt=f"The mean {_KINDS[way[0].kind]} before and after each step: "
         + "; ".join(f"{own.name} {percent(own.error)}, left out {percent(own.left_out)}" for own in way),
-        caption=f"Mean {_KINDS[way[0].kind]}, eq. (2), before and after each effect. Left out: each mode predicted by "
+        caption=f"Mean {_KINDS[way[0].kind]} before and after each effect. Left out: each mode predicted by "
         "a fit to all others, which an effect that only bends to the data does not lower.",
         width="half",
         chart=step_chart(way),

@@ -67,8 +67,8 @@ def error_table(entries: Sequence[Entry]) -> Table:
             )
             for e in entries
         ),
-        note="Error after eq. (2), with one G_f and one d_f for all torques of a stack. Held out: each mode predicted "
-        "by a fit to all others, and each configuration by a fit to the other configurations; empty where those do "
+        note="Error: mean of |measured - model| / measured, with one G_f and one d_f for all torques of a stack. "
+        "Held out: each mode predicted by a fit to all others, and each configuration by a fit to the other configurations; empty where those do "
         "not determine it.",
     )
 
@@ -257,7 +257,7 @@ def interval_table(results: Results) -> Table:
         title="Parameters with 95 % intervals",
         header=("fitted to", "parameter", "unit", "value", "lower", "upper", "remark"),
         rows=tuple(rows),
-        note="opt_G and opt_d, eq. (1), fit G_f and d_f of the base model to one configuration; an answer has its own "
+        note="opt_G and opt_d fit G_f and d_f of the base model to one configuration; an answer has its own "
         "numbers, for all configurations together. Intervals contain the scatter that the model leaves unexplained; "
         "they mean nothing at a bound.",
     )
@@ -305,7 +305,7 @@ def parameter_picture(fitted: Sequence[Tested]) -> Picture:
             ),
         ),
         alt="Contact parameters by configuration",
-        caption="G_f by opt_G and d_f by opt_d, eq. (1), of each configuration alone, with 95 % intervals.",
+        caption="G_f by opt_G and d_f by opt_d of each configuration alone, with 95 % intervals.",
         chart=parameter_chart(fitted),
     )
 
@@ -505,7 +505,7 @@ def _printed(diagnosis: Diagnosis, name: str) -> str:
 
 
 def _label(diagnosis: Diagnosis, name: str) -> str:
-    return diagnosis.labels[name] if name in diagnosis.labels else name
+    return _printed(diagnosis, name).removesuffix(f" ({name})")
 
 
 def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:

@@ -205,7 +205,7 @@ def pair_table(tested: Tested, fit: ModelFit, added: Mapping[int, float]) -> Tab
 def parameter_table(fit: Fit) -> Table:
     """List the contact parameters by the objectives of eq. (1), and these."""
     return Table(
-        title="Contact parameters of this configuration alone, by opt_G and opt_d, eq. (1)",
+        title="Contact parameters of this configuration alone, by opt_G and opt_d",
         header=("parameter", "value", "searched between", "objective"),
         rows=(
             ("contact stiffness", parameter_text(fit.G_f), f"{fit.G_f.lower:g} and {fit.G_f.upper:g}",
@@ -213,7 +213,8 @@ def parameter_table(fit: Fit) -> Table:
             ("contact damping", parameter_text(fit.d_f), f"{fit.d_f.lower:g} and {fit.d_f.upper:g}",
              f"opt_d = {100 * fit.d_f.objective:.3g} % damping"),
         ),
-        note="± is half of the 95 % interval and contains the scatter that the model leaves unexplained. Measured "
+        note="opt_G and opt_d: root of the summed squared differences of frequencies and of damping ratios. ± is half "
+        "of the 95 % interval and contains the scatter that the model leaves unexplained. Measured "
         f"points lie at most {1e3 * fit.distance.max():.2f} mm from where the model is sampled.",
     )  # fmt: skip
 
@@ -382,7 +383,7 @@ def objective_picture(fit: Fit) -> Picture:
             ((e.name, *row) for e in (fit.G_f, fit.d_f) for row in _history(e)),
         ),
         alt="Objectives over their parameters",
-        caption="Every value tried for G_f (opt_G) and d_f (opt_d), eq. (1), of this configuration alone; the diamond "
+        caption="Every value tried for G_f (opt_G) and d_f (opt_d) of this configuration alone; the diamond "
         "is the estimate.",
         chart=objective_chart(fit),
     )

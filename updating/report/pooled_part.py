@@ -65,8 +65,8 @@ def _overview(found: PooledDiagnosis) -> Section:
             (own.name, *(own.notes.get(name, "") for name in columns), *specimen_row(own)[1:])
             for own in found.specimens
         ),
-        note="Frequency errors are means over the modes of a specimen: of the base model, with what was identified, and "
-        "where what specimens share is taken from the others. Odd: effects that a specimen has alone. A click on a "
+        note="Frequency errors are means over the modes of a specimen: of the base model, with what was identified, "
+        "and where what specimens share is taken from the others. Odd: effects that a specimen has alone. A click on a "
         "heading sorts.",
         link=tuple(f"#{_own_section(own).anchor}" for own in found.specimens),
     ).without_empty_columns()

@@ -168,7 +168,7 @@ def show(server: Any) -> None:
     with vuetify3.VRow(v_show="has_fit"):
         with vuetify3.VCol(cols=12, md=6):
             html.P(
-                "The model has G_f and d_f of this configuration alone, by opt_G and opt_d, eq. (1). Click a cell to "
+                "The model has G_f and d_f of this configuration alone, by opt_G and opt_d. Click a cell to "
                 "see both shapes move.",
                 classes="text-body-2",
             )
