@@ -316,7 +316,10 @@ def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
     page.wait_for_selector("#stop")
     assert page.locator("#fit").is_disabled()
     page.locator("#stop").click()
-    says(page, "#said", "Ended with exit code")
+    says(page, "#said", "Stopped.")
+    said = page.locator("#said").text_content()
+    assert "Interrupted; what was done is kept" in said
+    assert not re.search("leaked|Traceback|exit code", said)
     assert page.locator("#fit").is_enabled()
 
 

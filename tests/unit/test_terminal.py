@@ -99,7 +99,7 @@ def test_tables_in_files_have_no_empty_cells(console):
 
 
 def test_work_says_in_a_pipe_what_it_is_at(monkeypatch, capsys):
-    monkeypatch.setattr(progress_module, "_PERIOD", 0.01)
+    monkeypatch.setenv(progress_module.PERIOD, "0.01")
     log = logging.getLogger("updating")
     with progress("diagnose", Console(file=io.StringIO())):
         log.info("weigh %d explanations", 7)

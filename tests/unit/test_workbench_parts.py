@@ -13,7 +13,7 @@ from ema.campaign.campaign import read_campaign
 from updating.errors import StoreError
 from updating.results.store import write_result
 from updating.workbench.identification_panel import toggled, write_identification
-from updating.workbench.opened import Command, find
+from updating.workbench.opened import Command, find, followed
 from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response
 
 DEMO = Path(__file__).parents[2] / "data" / "demo_diagnosis" / "campaign.toml"
@@ -106,6 +106,19 @@ def test_band_and_order_are_written_and_all_else_in_the_campaign_file_stays(tmp_
     path.write_text("name = ", encoding="utf-8")
     with pytest.raises(StoreError, match=r"campaign.toml: cannot be read"):
         write_identification(path, (40.0, 900.0), 30)
+
+
+def test_of_lines_of_progress_the_page_keeps_the_last():
+    lines = []
+    for line in (
+        "began",
+        "identify, 0 of 2 done (1 s)",
+        "identify, 0 of 2 done (2 s)",
+        "M1: done",
+        "fit (1 s)",
+    ):
+        lines = followed(lines, line)
+    assert lines == ["began", "identify, 0 of 2 done (2 s)", "M1: done", "fit (1 s)"]
 
 
 def test_a_command_says_what_it_does_and_a_stopped_one_ends():

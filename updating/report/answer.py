@@ -363,9 +363,9 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
         ),
         rows=rows,
         note="± is half of the 95 % interval. The frequency error is the mean of |measured - model| / measured over "
-        "the paired modes of the base model. opt_G and opt_d, the root of the summed squared differences of frequencies "
-        "and of damping ratios, fit one configuration alone. Findings are warnings of the checks of the measurement. A "
-        "click on a heading sorts.",
+        "the paired modes of the base model. opt_G and opt_d, the root of the summed squared differences of "
+        "frequencies and of damping ratios, fit one configuration alone. Findings are warnings of the checks of the "
+        "measurement. A click on a heading sorts.",
         link=tuple(address),
     )  # fmt: skip
 

@@ -68,8 +68,8 @@ def error_table(entries: Sequence[Entry]) -> Table:
             for e in entries
         ),
         note="Error: mean of |measured - model| / measured, with one G_f and one d_f for all torques of a stack. "
-        "Held out: each mode predicted by a fit to all others, and each configuration by a fit to the other configurations; empty where those do "
-        "not determine it.",
+        "Held out: each mode predicted by a fit to all others, and each configuration by a fit to the other "
+        "configurations; empty where those do not determine it.",
     )
 
 

@@ -20,6 +20,9 @@ CHANGES = {
 }
 """Commands that put other results in the place of those that are shown, and what is said meanwhile."""
 
+_END = {0: "Done.", 130: "Stopped."}
+"""What is said at the end of a command, by its exit code; one that is stopped says itself what is kept."""
+
 _STALE = "{ stale: stale }"
 
 
@@ -93,7 +96,7 @@ class _Commands:
     async def _done(self, code: int) -> None:
         with self.state as state:
             state.running = ""
-            state.said = [*state.said, "Done." if code == 0 else f"Ended with exit code {code}."]
+            state.said = [*state.said, _END.get(code, f"Ended with exit code {code}.")]
             self.refresh()
             state.dirty("configuration")  # the other panels read what is new
 

@@ -22,6 +22,7 @@ from updating.report.part import Section
 from updating.report.results import Results, Tested, read_results
 from updating.results.identified import campaign_file
 from updating.results.store import read_result
+from updating.workers.progress import CLOCK, PERIOD
 
 _FILE = "campaign.toml"
 
@@ -132,6 +133,15 @@ _PATIENCE = 15.0  # s that a command has to end
 _CODE = "from updating.commands.command_line import main; main()"
 
 
+_PERIOD = "1"  # s between two lines of progress, of which the page shows the last
+
+
+def followed(lines: Sequence[str], line: str) -> list[str]:
+    """Return lines with a new one; of progress, which only tells the time and what work is at, the last one."""
+    kept = lines[:-1] if lines and CLOCK.search(lines[-1]) and CLOCK.search(line) else lines
+    return [*kept, line]
+
+
 class Command:
     """One command of `lamella` at a time, as a process of its own: a page stays quick beside it, and it can be stopped.
 
@@ -159,7 +169,7 @@ class Command:
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
-            env={**os.environ, "COLUMNS": "100"},
+            env={**os.environ, "COLUMNS": "100", PERIOD: _PERIOD},
             start_new_session=True,  # a group of its own, so that its workers are ended with it
         )  # fmt: skip
         reading = asyncio.create_task(self._read(self._process.stdout))
@@ -175,7 +185,7 @@ class Command:
         lines: list[str] = []
         if output is not None:
             async for line in output:
-                lines = [*lines, line.decode(errors="replace").rstrip()][-_SHOWN:]
+                lines = followed(lines, line.decode(errors="replace").rstrip())[-_SHOWN:]
                 self._said(lines)
 
     def stop(self) -> None:

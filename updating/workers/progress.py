@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -18,7 +20,11 @@ LOG = logging.getLogger("ema")
 
 
 _LONGEST = 200  # characters of a message
-_PERIOD = 3.0  # s between two lines where there is no terminal
+PERIOD = "LAMELLA_PROGRESS_SECONDS"
+"""Variable of the environment: time between two lines where there is no terminal, s."""
+_PERIOD = 3.0  # s, where it is not set
+CLOCK = re.compile(r" \(\d+ s\)$")
+"""How a line of progress ends."""
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), " ")
 
 
@@ -54,9 +60,10 @@ def in_lines(now: Callable[[], str], console: Console) -> Iterator[None]:
         yield
         return
     began, ended = monotonic(), Event()
+    period = float(os.environ.get(PERIOD, _PERIOD))
 
     def say() -> None:
-        while not ended.wait(_PERIOD):
+        while not ended.wait(period):
             print(f"{now().translate(_CONTROL)} ({monotonic() - began:.0f} s)", file=sys.stderr, flush=True)
 
     saying = Thread(target=say, daemon=True)
