@@ -21,6 +21,9 @@
       const value = (beside(thumb)[1] ?? "").trim();
       if (thumb.getAttribute("aria-valuetext") !== value) thumb.setAttribute("aria-valuetext", value);
     }
+    for (const box of document.querySelectorAll(".v-table__wrapper")) { // arrow keys move what is wider than the page
+      if (!box.hasAttribute("tabindex")) box.tabIndex = 0;
+    }
     name("[role=progressbar]", () => "Work goes on");
     name("[role=tooltip]", (node) => node.textContent || "Hint");
     for (const title of document.querySelectorAll(".v-toolbar-title")) {
