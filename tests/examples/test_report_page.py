@@ -17,6 +17,7 @@ import pytest
 from PIL import Image
 
 from ema.modal.mac import frac
+from tests.accessible import faults, unreached
 from updating.commands.report import window
 from updating.errors import StoreError
 from updating.report import page as page_module
@@ -369,6 +370,27 @@ def test_on_a_phone_parts_are_folded_and_open_by_tap_link_and_all_at_once(page):
         shown.set_viewport_size({"width": 1200, "height": 900})
         shown.wait_for_function("!document.querySelector('main h2 button')")
         assert shown.evaluate(hidden) == []
+        browser.close()
+
+
+@needs_browser
+@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (400, "dark")])
+def test_who_cannot_see_or_point_reads_the_report_too(page, width, scheme):
+    sync = pytest.importorskip("playwright.sync_api", reason="no playwright, of the extra dev")
+    with sync.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        shown = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+        shown.goto(page.as_uri())
+        if width == 400:
+            shown.get_by_role("button", name="Open all parts").click()
+        for y in range(
+            0, shown.evaluate("document.documentElement.scrollHeight"), 800
+        ):  # charts are drawn in view
+            shown.evaluate(f"scrollTo(0, {y})")
+            shown.wait_for_timeout(100)
+        assert faults(shown) == []
+        if width == 1400:
+            assert unreached(shown) == []
         browser.close()
 
 

@@ -14,6 +14,7 @@ import pytest
 from rich.console import Console
 
 from ema import read_poles
+from tests.accessible import faults, unreached
 from updating.commands.fit import fit_campaign
 from updating.diagnosis.answer import Diagnosis
 from updating.report.files import NAMES
@@ -279,6 +280,20 @@ def test_sliders_move_the_model(page, folder):
     page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
     told = """document.querySelector(".slider .v-slider-thumb")?.getAttribute("aria-valuetext")"""
     page.wait_for_function(f"({told} ?? '').endsWith('Pa/Pa')")  # not a step from 0 to 1000
+
+
+def test_who_cannot_see_or_point_uses_every_panel_too(page):
+    for panel in ("Measurement", "Identification", "Comparison", "What if", "Diagnosis", "Report"):
+        enter(page, panel)
+        page.wait_for_timeout(3000)  # names and sizes of what came in
+        assert unreached(page, ".v-window-item--active") == [], panel
+        assert faults(page) == [], panel
+    enter(page, "What if")
+    values = """[...document.querySelectorAll("[role=slider]")].filter((e) => e.getClientRects().length).map((e) =>
+      [e.getAttribute("aria-label"), e.getAttribute("aria-valuetext")])"""
+    sliders = page.evaluate(values)
+    assert len(sliders) >= 3
+    assert all(name and text for name, text in sliders), sliders
 
 
 @pytest.mark.slow

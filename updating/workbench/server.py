@@ -102,7 +102,7 @@ PANELS = (
 
 _STYLE = """
 .v-field-label { opacity: 1 !important; color: #42526b; }
-.stale { opacity: 0.45; filter: grayscale(1); }
+.stale { opacity: 0.78; filter: grayscale(1); }
 """
 """Labels that are not grey on grey, and what is shown of results that others are about to replace."""
 

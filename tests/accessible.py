@@ -1,0 +1,42 @@
+"""What keeps a page from persons who cannot see or point: faults that axe-core names, and what Tab does not reach."""
+
+from importlib.resources import files
+
+import pytest
+
+CONTROLS = """(root) => [...document.querySelectorAll(
+    root + " :is(a[href], button, input, select, summary, [tabindex])")]
+  .filter((e) => e.tabIndex >= 0 && !e.disabled && e.getClientRects().length
+    && e.checkVisibility({ visibilityProperty: true }) && (e.type !== "radio" || e.checked))"""
+"""Controls at which Tab stops: of a group of radio buttons the one that is chosen; arrow keys go to the others."""
+
+
+def faults(page):
+    """Serious and critical faults that axe-core finds on a page as it is shown, each with the first place of it."""
+    axe = pytest.importorskip("axe_playwright_python", reason="no axe-playwright-python, of the extra dev")
+    page.evaluate((files(axe) / "axe.min.js").read_text(encoding="utf-8"))
+    found = page.evaluate("axe.run(document, { resultTypes: ['violations'] })")["violations"]
+    return [
+        (own["id"], own["nodes"][0]["html"][:200])
+        for own in found
+        if own["impact"] in ("serious", "critical")
+    ]
+
+
+def unreached(page, root="body"):
+    """Controls within an element of a page at which Tab does not stop, going once through all of them."""
+    page.evaluate(f"({CONTROLS})({root!r}).forEach((e) => e.setAttribute('data-unreached', ''))")
+    left = page.evaluate(f"({CONTROLS})({root!r}).length")
+    assert left > 0
+    page.evaluate(f"({CONTROLS})({root!r})[0].focus()")
+    for _ in range(2 * left):  # between them Tab stops at frames and at boxes that scroll
+        left = page.evaluate("""(() => {
+          document.activeElement?.removeAttribute("data-unreached");
+          return document.querySelectorAll("[data-unreached]").length;
+        })()""")
+        if not left:
+            break
+        page.keyboard.press("Tab")
+    return page.evaluate(
+        "[...document.querySelectorAll('[data-unreached]')].map((e) => e.outerHTML.slice(0, 160))"
+    )
