@@ -29,7 +29,7 @@ def unreached(page, root="body"):
     left = page.evaluate(f"({CONTROLS})({root!r}).length")
     assert left > 0
     page.evaluate(f"({CONTROLS})({root!r})[0].focus()")
-    for _ in range(2 * left):  # between them Tab stops at frames and at boxes that scroll
+    for _ in range(2 * left + 50):  # between them Tab stops at what is in frames, and at boxes that scroll
         left = page.evaluate("""(() => {
           document.activeElement?.removeAttribute("data-unreached");
           return document.querySelectorAll("[data-unreached]").length;
