@@ -4,7 +4,6 @@ from model.elements.equations import Assembly, Formula, Kron, Monomial, Paramete
 from model.matrices.reduced import ReducedMatrices, reduce_matrices
 from model.matrices.structure import MatrixStructure, read_matrices
 from model.modes.backbone import Backbone, ContactStrain, backbone, contact_strain
-from model.modes.enrichment import enriched, with_attachment_modes
 from model.modes.modes import (
     Modes,
     Observation,
@@ -21,7 +20,6 @@ from model.modes.response import frf, frf_direct
 from model.plot.plots import mode_plotter
 from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem, assemble, reduce, reduced_terms
-from model.reduction.truncation import Sampled, truncated
 from model.stack.effect import Effect, Parameter, shared_parameters
 from model.stack.errors import EffectError, MatricesError, ModelError, SolveError, StackError
 from model.stack.parts import Clamp, Contact, Instruments, Material, Mesh
@@ -54,7 +52,6 @@ __all__ = [
     "ReducedMatrices",
     "ReducedSystem",
     "Refined",
-    "Sampled",
     "SlipLaw",
     "SolveError",
     "Stack",
@@ -66,7 +63,6 @@ __all__ = [
     "catalogue",
     "complex_modes",
     "contact_strain",
-    "enriched",
     "find_effects",
     "frf",
     "frf_direct",
@@ -84,6 +80,4 @@ __all__ = [
     "sample_points",
     "shared_parameters",
     "solve_modes",
-    "truncated",
-    "with_attachment_modes",
 ]

@@ -1,14 +1,14 @@
 """Galerkin projection of the terms of the equations of motion on dense bases, on all processors.
 
-Effects bring many terms, and most of them differ little: some act at a few places of the plan alone, some hold the same
-products. Both are used here, and that places far apart are not coupled, for at this size the projection costs as
-much as the modes. Numbers are the same whatever the number of processors.
+Effects bring many terms, and most of them differ little: some act at a few places of the plan alone, some are the same
+but for their factor. Both are used here, and that places far apart are not coupled, for at this size the projection
+costs as much as the modes. Numbers are the same whatever the number of processors.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,6 @@ from model.reduction.threads import threaded
 Vector = NDArray[np.float64]
 
 _DENSE = 0.02  # share of entries above which a planar matrix is multiplied faster as a dense one
-
-_COLUMNS = 48  # vectors that a term is applied to at once
-
-_IMAGES = 256  # in one product with a basis
 
 _STRIPS = 8  # across the plan, of such a one: those that are not neighbours have nothing in common
 
@@ -42,74 +38,65 @@ def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
     """
     order = {f: np.argsort(assembly.plan.abscissa(f), kind="stable") for f in FIELDS}
     parts = _by_field(assembly, basis, order)
-    terms = {id(term.krons): {_key(kron): kron for kron in collected(term.krons)} for term in assembly.terms}
-    distinct = {key: kron for krons in terms.values() for key, kron in krons.items()}
+    terms = {id(term.krons): collected(term.krons) for term in assembly.terms}
+    keys = {which: b"".join(sorted(map(_key, krons))) for which, krons in terms.items()}
+    distinct = {keys[which]: krons for which, krons in terms.items()}
 
-    def projected(kron: Kron) -> Vector:
-        z = kron.z.toarray() if sp.issparse(kron.z) else kron.z
-        here = kron.planar[order[kron.row]][:, order[kron.column]]
-        found = _product(parts[kron.row], z, here, parts[kron.column])
-        return found if kron.row == kron.column else found + found.T
+    def projected(krons: tuple[Kron, ...]) -> Vector:
+        half = sum(
+            (_half(parts, field, own, order) for field, own in _by_row(krons).items()),
+            np.zeros((basis.shape[1], basis.shape[1])),
+        )
+        return np.asarray(half + half.T)
 
     found = dict(zip(distinct, threaded(projected, distinct.values()), strict=True))
-    n = basis.shape[1]
-    return {
-        which: sum((found[key] for key in krons), start=np.zeros((n, n))) for which, krons in terms.items()
-    }
+    return {which: found[key] for which, key in keys.items()}
 
 
-def projected_columns(assembly: Assembly, basis: Vector, fresh: Vector) -> dict[int, Vector]:
-    """Return basis' A fresh, (n, m), of every term's matrix A, by the identity of its Kronecker products.
+def _by_row(krons: Iterable[Kron]) -> dict[Field, list[Kron]]:
+    """Return products by the field of their rows."""
+    found: dict[Field, list[Kron]] = {}
+    for kron in krons:
+        found.setdefault(kron.row, []).append(kron)
+    return found
 
-    Images of several terms stand side by side in one product with the basis: few columns alone make a slow one.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Equations of motion.
-    basis, fresh : (assembly.size, n) and (assembly.size, m)
-        The basis, and some vectors.
+def _half(
+    parts: Mapping[Field, Vector],
+    field: Field,
+    krons: Iterable[Kron],
+    order: Mapping[Field, NDArray[np.intp]],
+) -> Vector:
+    """Return a matrix that, with its transpose, is the projection of products with rows of one field, (n, n).
+
+    Their images are summed first, for the product with the basis on the left takes longest.
     """
-    krons = {id(term.krons): term.krons for term in assembly.terms}
-    blocks = np.array_split(fresh, -(-fresh.shape[1] // _COLUMNS), axis=1)
-    n_term = max(_IMAGES // blocks[0].shape[1], 1)
-    which = [list(krons)[i : i + n_term] for i in range(0, len(krons), n_term)]
-
-    def projected(of: tuple[list[int], Vector]) -> Vector:
-        group, block = of
-        images = np.hstack([assembly.apply(krons[term], block) for term in group])
-        return np.asarray((basis.T @ images).reshape(basis.shape[1], len(group), -1))
-
-    found = threaded(projected, [(group, block) for group in which for block in blocks])
-    rows = (found[i : i + len(blocks)] for i in range(0, len(found), len(blocks)))
-    return {
-        term: np.hstack([part[:, i] for part in row])
-        for group, row in zip(which, rows, strict=True)
-        for i, term in enumerate(group)
-    }
-
-
-def _product(left: Vector, z: Vector, planar: sp.csr_matrix, right: Vector) -> Vector:
-    """Return the sum over all i and j of z[i, j] left[i]' planar right[j]."""
-    coo = planar.tocoo()
-    rows, columns = np.unique(coo.row), np.unique(coo.col)
-    part = planar[rows][:, columns]
-    if columns.size < right.shape[1]:
-        right = right[:, columns]
-    if rows.size < left.shape[1]:
-        left = left[:, rows]
-    moved = (z @ right.reshape(right.shape[0], -1)).reshape(-1, *right.shape[1:])
-    if part.nnz > _DENSE * rows.size * columns.size:
-        image = np.empty((moved.shape[0], rows.size, moved.shape[2]))
-        for strip in np.array_split(np.arange(rows.size), min(_STRIPS, rows.size)):
-            own = part[strip[0] : strip[-1] + 1]
-            first, last = own.indices.min(), own.indices.max() + 1
-            np.matmul(
-                own[:, first:last].toarray(), moved[:, first:last], out=image[:, strip[0] : strip[-1] + 1]
-            )
-    else:
-        image = np.stack([part @ slice_ for slice_ in moved])
+    planes = [kron.planar[order[kron.row]][:, order[kron.column]] for kron in krons]
+    rows = np.flatnonzero(sum(np.diff(planar.indptr) for planar in planes))
+    left = parts[field]
+    image = np.zeros((left.shape[0], rows.size, left.shape[2]))
+    for kron, planar in zip(krons, planes, strict=True):
+        z = kron.z.toarray() if sp.issparse(kron.z) else kron.z
+        _add_image(image, z * (0.5 if kron.row == kron.column else 1.0), planar[rows], parts[kron.column])
+    left = left[:, rows] if rows.size < left.shape[1] else left
     return np.asarray(left.reshape(-1, left.shape[2]).T @ image.reshape(-1, image.shape[2]))
+
+
+def _add_image(image: Vector, z: Vector, planar: sp.csr_matrix, right: Vector) -> None:
+    """Add the sum over j of z[i, j] planar right[j] to image[i]."""
+    columns = np.unique(planar.indices)
+    if columns.size < right.shape[1]:
+        planar, right = planar[:, columns], right[:, columns]
+    moved = (z @ right.reshape(right.shape[0], -1)).reshape(-1, *right.shape[1:])
+    if planar.nnz <= _DENSE * planar.shape[0] * planar.shape[1]:
+        for i, slice_ in enumerate(moved):
+            image[i] += planar @ slice_
+        return
+    for strip in np.array_split(np.arange(planar.shape[0]), min(_STRIPS, planar.shape[0])):
+        own = planar[strip[0] : strip[-1] + 1]
+        if own.nnz:
+            first, last = own.indices.min(), own.indices.max() + 1
+            image[:, strip[0] : strip[-1] + 1] += own[:, first:last].toarray() @ moved[:, first:last]
 
 
 def _by_field(

@@ -1,14 +1,14 @@
-"""Reduced equations of motion, with what keeps them small: matrices of low rank, and bases in parts.
+"""Reduced equations of motion, with what keeps them small: matrices of low rank.
 
 A clamp moves with the mean displacement under it, so its mass, and all that it does when it sits elsewhere, couple a
 few dozen directions of several hundred. Most terms of a model with all effects are such: in full they would be two
-thirds of its size. A basis has parts, too: what all modes need, and what they need beside it while an effect acts.
+thirds of its size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -60,6 +60,11 @@ def full(matrix: Matrix) -> Vectors:
         return matrix
     found = matrix.range @ matrix.core @ matrix.range.T
     return np.asarray((found + found.T) / 2.0)
+
+
+def _leading(matrix: Matrix, n: int) -> Vectors:
+    """Return the leading block of a matrix in full, (n, n)."""
+    return full(replace(matrix, range=matrix.range[:n]) if isinstance(matrix, InRange) else matrix[:n, :n])
 
 
 def n_row(matrix: Matrix) -> int:
@@ -161,128 +166,6 @@ def _orthonormal(vectors: Vectors, least: float) -> Vectors:
     return found
 
 
-_NEARLY_ALL = 0.8  # of the spare coordinates, from which it is quicker to take all
-
-_DEPENDENT = 1e-8  # part of a unit direction, beside those before it, that is rounding
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Further:
-    """Directions that modes need while one of some parameters takes part.
-
-    Attributes
-    ----------
-    parameter : tuple of str
-        Which.
-    reach : float
-        How far from its nominal value one has to be; with 0 it is enough that it may move.
-    direction : (n_spare, k) float
-        In the spare coordinates, orthonormal.
-    """
-
-    parameter: tuple[str, ...]
-    reach: float
-    direction: Vectors
-
-    def takes_part(self, moved: Mapping[str, float], nominal: Mapping[str, float]) -> bool:
-        """Tell whether one of the parameters is among those that move, and far enough from its nominal value."""
-        return any(
-            name in moved and abs(moved[name] - nominal[name]) >= self.reach for name in self.parameter
-        )
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BasisParts:
-    """How a basis is made: a core, spare coordinates, and then what was added for good.
-
-    Attributes
-    ----------
-    n_core : int
-        First coordinates, which all modes need.
-    n_spare : int
-        Next coordinates, which modes need while an effect takes part, and then few directions of them.
-    further : tuple of Further
-        These directions.
-    """
-
-    n_core: int
-    n_spare: int
-    further: tuple[Further, ...]
-
-    def needed(self, moved: Mapping[str, float], nominal: Mapping[str, float]) -> tuple[int, ...]:
-        """Return which of `further` take part while some parameters move, by their places."""
-        return tuple(i for i, own in enumerate(self.further) if own.takes_part(moved, nominal))
-
-    def space(self, needed: tuple[int, ...], size: int) -> Space | None:
-        """Return the coordinates and directions that modes need, of a basis of some size; None of nearly all."""
-        spare = slice(self.n_core, self.n_core + self.n_spare)
-        used = [self.further[i].direction for i in needed]
-        directions = np.hstack([np.zeros((self.n_spare, 0)), *used])
-        if directions.shape[1] >= _NEARLY_ALL * self.n_spare:
-            return None
-        if len(used) > 1:
-            directions, triangle, _ = la.qr(directions, mode="economic", pivoting=True)
-            directions = directions[:, np.abs(np.diag(triangle)) > _DEPENDENT]
-        kept = np.concatenate([np.arange(self.n_core), np.arange(spare.stop, size)])
-        return Space(size=size, kept=kept, spare=spare, direction=directions)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Space:
-    """Some coordinates of a basis and some directions of its spare ones, orthonormal together.
-
-    Attributes
-    ----------
-    size : int
-        Of the basis.
-    kept : (n_kept,) int
-        The coordinates, none of them spare.
-    spare : slice
-        The spare ones.
-    direction : (n_spare, k) float
-        The directions.
-    """
-
-    size: int
-    kept: NDArray[np.intp]
-    spare: slice
-    direction: Vectors
-
-    def matrices(self, whole: Iterable[Matrix]) -> Iterator[Matrix]:
-        """Yield symmetric matrices of the basis, (size, size), in this space; ranges that they share stay shared."""
-        ranges: dict[int, Vectors] = {}
-        for own in whole:
-            if not isinstance(own, InRange):
-                yield self._matrix(own)
-                continue
-            if id(own.range) not in ranges:
-                ranges[id(own.range)] = self.rows(own.range.T).T
-            yield replace(own, range=ranges[id(own.range)])
-
-    def _matrix(self, whole: Vectors) -> Vectors:
-        """Return a symmetric matrix of the basis, (size, size), in this space, (n_kept + k, n_kept + k)."""
-        n = self.kept.size
-        image = whole[:, self.spare] @ self.direction
-        found = np.empty((n + image.shape[1], n + image.shape[1]))
-        found[:n, :n] = whole[np.ix_(self.kept, self.kept)]
-        found[:n, n:] = image[self.kept]
-        found[n:, :n] = found[:n, n:].T
-        corner = self.direction.T @ image[self.spare]
-        found[n:, n:] = (corner + corner.T) / 2.0
-        return found
-
-    def rows(self, whole: Vectors) -> Vectors:
-        """Return rows that act on coordinates of the basis, (n_dof, size), as they act on those of this space."""
-        return np.hstack([whole[:, self.kept], whole[:, self.spare] @ self.direction])
-
-    def whole(self, coordinate: Vectors) -> Vectors:
-        """Return vectors of this space, (n_kept + k, n), in the coordinates of the basis, (size, n)."""
-        found = np.zeros((self.size, coordinate.shape[1]))
-        found[self.kept] = coordinate[: self.kept.size]
-        found[self.spare] = self.direction @ coordinate[self.kept.size :]
-        return found
-
-
 _GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
 
 
@@ -310,21 +193,15 @@ class ReducedEquations:
         Nominal parameters.
     ranges : mapping of str to (float, float)
         Values of parameters for which the reduction was made, G_f among them.
-    parts : BasisParts, optional
-        What of the basis modes need; all of it by default.
-    quick : BasisParts, optional
-        What of it does for a quick look.
+    n_base : int, optional
+        First coordinates, in which the stack has its modes while no effect acts; all of them by default.
     """
 
     stack: Stack
     terms: tuple[ReducedTerm, ...]
     theta: Mapping[str, float]
     ranges: Mapping[str, tuple[float, float]]
-    parts: BasisParts | None = None
-    quick: BasisParts | None = None
-    _acting: dict[tuple[frozenset[str], tuple[int, ...]], Acting] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    n_base: int | None = None
 
     @property
     def size(self) -> int:
@@ -337,43 +214,17 @@ class ReducedEquations:
         names = (one.name for one in fields(ReducedEquations) if one.init)
         return ReducedEquations(**{name: getattr(self, name) for name in names})
 
-    @property
-    def rough(self) -> ReducedEquations:
-        """These equations for a quick look: what acts of them is off by some 1 % of a frequency at most."""
-        return replace(self.equations, parts=self.quick)
+    def base(self, moved: Iterable[str]) -> ReducedEquations:
+        """Return the equations on their first `n_base` coordinates, where no effect but some parameters act.
 
-    def acting(self, moved: Mapping[str, float]) -> Acting:
-        """Return what modes need of the equations while some parameters, and the frequency, move.
-
-        Terms that vanish all the while are left out, and what only other parameters ask for of the basis.
-
-        Parameters
-        ----------
-        moved : mapping of str to float
-            The parameters that move, and where they are.
+        Terms that vanish wherever these parameters, and the frequency, are, are left out.
         """
-        free = frozenset((*moved, OMEGA))
-        needed = () if self.parts is None else self.parts.needed(moved, self.theta)
-        if (free, needed) not in self._acting:  # fits ask again at every step; each takes some 20 MB
-            space = None if self.parts is None else self.parts.space(needed, self.size)
-            self._acting.clear()
-            self._acting[free, needed] = Acting(
-                equations=self._in_space(self._terms_of(free), space), space=space
-            )
-        return self._acting[free, needed]
-
-    def _terms_of(self, free: frozenset[str]) -> tuple[ReducedTerm, ...]:
-        """Return the terms that do not vanish wherever some parameters are."""
-        apart = {n: value * _GENERIC + _GENERIC if n in free else value for n, value in self.theta.items()}
-        return tuple(t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0)
-
-    def _in_space(self, terms: tuple[ReducedTerm, ...], space: Space | None) -> ReducedEquations:
-        """Return the equations with some terms, in a space of the basis; None is all of it."""
-        if space is not None:
-            whole = {id(t.matrix): t.matrix for t in terms}
-            found = dict(zip(whole, space.matrices(whole.values()), strict=True))
-            terms = tuple(replace(t, matrix=found[id(t.matrix)]) for t in terms)
-        return replace(self.equations, terms=terms, parts=None, quick=None)
+        free, n = frozenset((*moved, OMEGA)), self.size if self.n_base is None else self.n_base
+        apart = {name: v * _GENERIC + _GENERIC if name in free else v for name, v in self.theta.items()}
+        acting = [t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0]
+        leading = {id(t.matrix): _leading(t.matrix, n) for t in acting}
+        terms = tuple(replace(t, matrix=leading[id(t.matrix)]) for t in acting)
+        return replace(self.equations, terms=terms, n_base=None)
 
     def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
@@ -384,19 +235,3 @@ class ReducedEquations:
         """Return the derivative of the reduced M, C or K by the parameter `name`, (size, size)."""
         terms = (term for term in self.terms if term.target == target)
         return summed(self.size, ((term.factor.derivative(theta, name), term.matrix) for term in terms))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Acting:
-    """The equations that act while some parameters move, in the space that modes need then; None is the basis."""
-
-    equations: ReducedEquations
-    space: Space | None
-
-    def rows(self, whole: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return rows that act on coordinates of the basis, (n_dof, n), as they act on those of these equations."""
-        return whole if self.space is None else self.space.rows(whole)
-
-    def whole(self, coordinate: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return vectors in the coordinates of these equations in those of the basis."""
-        return coordinate if self.space is None else self.space.whole(coordinate)

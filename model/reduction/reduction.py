@@ -24,7 +24,12 @@ from model.contact.pressing import pressure_distribution
 from model.elements.equations import OMEGA, Assembly, Term
 from model.elements.mesh import FIELDS, Field, plan_of
 from model.elements.terms import clamp_terms, lamina_terms, rigid_body_modes, support_terms
-from model.reduction.effect_basis import effect_answers, effect_samples
+from model.reduction.effect_basis import (
+    attachment_answers,
+    effect_answers,
+    effect_samples,
+    second_answers,
+)
 from model.reduction.projection import projected_terms
 from model.reduction.reduced_equations import ReducedEquations, ReducedTerm, in_ranges
 from model.reduction.through_thickness import (
@@ -133,17 +138,6 @@ class ReducedSystem(ReducedEquations):
             self, "basis", readonly("ReducedSystem", "basis", self.basis, (self.assembly.size, None))
         )
 
-    def rebased(
-        self, basis: NDArray[np.float64], projected: Callable[[ReducedTerm, Term], NDArray[np.float64]]
-    ) -> ReducedSystem:
-        """Return the system in another basis; `projected` gives a term's matrix in it, once for terms that share it."""
-        of = {
-            id(old.matrix): (old, whole) for old, whole in zip(self.terms, self.assembly.terms, strict=True)
-        }
-        ranged = dict(zip(of, in_ranges(projected(*own) for own in of.values()), strict=True))
-        terms = tuple(dataclasses.replace(term, matrix=ranged[id(term.matrix)]) for term in self.terms)
-        return dataclasses.replace(self, basis=basis, terms=terms, parts=None, quick=None)
-
     def field_rows(
         self, field: Field, lamina: NDArray[np.intp], points: NDArray[np.float64]
     ) -> sp.csr_matrix:
@@ -196,6 +190,7 @@ def reduce(
     terms: Callable[[Assembly], tuple[Term, ...]] = no_terms,
     theta: Mapping[str, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
+    local: Sequence[Effect] = (),
 ) -> ReducedSystem:
     """Reduce a stack to a small system that is affine in its parameters.
 
@@ -219,6 +214,8 @@ def reduce(
         Nominal values of the parameters of `terms`.
     ranges : mapping of str to (float, float), optional
         Values of further parameters for which the reduction shall hold.
+    local : sequence of Effect
+        Those of its effects that act at few places, and may be strong there.
 
     Raises
     ------
@@ -241,7 +238,7 @@ def reduce(
         (stack.effects, middle),
         (sampled, samples[-1]),
     )  # of effects; these have modes of their own there
-    return _from_snapshots(laminas, box, samples, kinds, n_mode, z_tolerance)
+    return _from_snapshots(laminas, box, samples, kinds, local, n_mode, z_tolerance)
 
 
 def _from_snapshots(
@@ -249,6 +246,7 @@ def _from_snapshots(
     box: Mapping[str, tuple[float, float]],
     samples: Sequence[Mapping[str, float]],
     kinds: Kinds,
+    local: Sequence[Effect],
     n_mode: int,
     z_tolerance: float,
 ) -> ReducedSystem:
@@ -259,7 +257,7 @@ def _from_snapshots(
     assembly = laminas.project_z(over_z.phi)
     starts = [snapshot[:, n_rigid(stack) :] for snapshot in over_z.snapshots[: len(outer)]]
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
-    basis = _snapshot_basis(assembly, samples, starts, rigid, kinds, n_mode)
+    basis, n_base = _snapshot_basis(assembly, samples, starts, rigid, kinds, local, n_mode)
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
@@ -268,6 +266,7 @@ def _from_snapshots(
         terms=reduced_terms(assembly, basis),
         theta=assembly.theta,
         ranges=box,
+        n_base=n_base,
         laminas=laminas,
     )
 
@@ -293,11 +292,13 @@ def _snapshot_basis(
     starts: Sequence[NDArray[np.float64]],
     rigid: NDArray[np.float64],
     kinds: Kinds,
+    local: Sequence[Effect],
     n_mode: int,
-) -> NDArray[np.float64]:
+) -> tuple[NDArray[np.float64], int]:
     """Return the basis of the modes at all samples and of effects' answers, each kind where it is given.
 
-    The directions of the modes are weighed where the first kind is given.
+    The directions of the modes are weighed where the first kind is given. Local effects have attachment modes at all
+    samples but the outer two. Returned with the number of first vectors that are of modes.
     """
     solver = solver_over_plan(acting(assembly, samples))
     mass = assembly.krons("M", assembly.theta)
@@ -307,11 +308,22 @@ def _snapshot_basis(
 
     modes = _snapshot_modes(assembly, solver, samples, starts, rigid, product, n_mode)
     space = _extended(orthonormalize(rigid, product), leading(modes, assembly, kinds[0][1]), product)
+    n_base = space[0].shape[1]
     for effects, at in kinds:
         answers = effect_answers(assembly, effects, solver, at, space[0], n_mode)
         if answers.shape[1]:
             space = _extended(space, answers, product)
-    return space[0]
+    if kinds[0][0]:
+        factor = solver.factor(kinds[0][1], shear_shift(assembly.stack, kinds[0][1]))
+        answers = second_answers(assembly, kinds[0][0], factor, kinds[0][1], space[0], n_mode)
+        if answers.shape[1]:
+            space = _extended(space, answers, product)
+    for at in samples[2:] if local else ():
+        factor = solver.factor(at, shear_shift(assembly.stack, at))
+        answers = attachment_answers(assembly, local, factor, at, space[0][:, :n_base], n_mode)
+        if answers.shape[1]:
+            space = _extended(space, answers, product)
+    return space[0], n_base
 
 
 def _snapshot_modes(
@@ -359,10 +371,9 @@ def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[Reduc
 
     Terms that differ by their factor alone share one matrix.
     """
-    matrices = {
-        which: _without_rounding(_symmetric(matrix))
-        for which, matrix in projected_terms(assembly, basis).items()
-    }
+    found = projected_terms(assembly, basis)
+    ranged = in_ranges(_without_rounding(_symmetric(matrix)) for matrix in found.values())
+    matrices = dict(zip(found, ranged, strict=True))
     return tuple(
         ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[id(term.krons)])
         for term in assembly.terms

@@ -13,6 +13,7 @@ from ema.types.frf import place_in_run
 from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel
 from model import Mesh, ReducedSystem
+from tests.enrichment import enriched
 from updating.virtual.measurement import N_MODE, TrueModes, runs_of, true_modes
 from updating.virtual.vibration_test import Specimen, VirtualTest, specimens
 
@@ -61,7 +62,7 @@ def _reduced(bench: Sequence[Specimen]) -> Iterator[ReducedSystem]:
     G_f_range = (min(shear) / _BEYOND, max(shear) * _BEYOND)
     system = model.reduce(first.stack, G_f_range=G_f_range, n_snapshot=2, n_mode=N_MODE)
     own = [{"pressure": c.pressure, "G_f": c.G_f, "d_f": c.d_f} for c in states]
-    system = model.enriched(system, own, N_MODE)
+    system = enriched(system, own, N_MODE)
     for specimen, theta in zip(bench, own, strict=True):
         yield replace(system, stack=specimen.stack, theta={**system.theta, **theta})
 

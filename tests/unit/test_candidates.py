@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model import Mesh, catalogue, enriched, read_stack
+from model import Mesh, catalogue, read_stack
 from model.effects.parts import known_or_usual_instruments
 from model.modes.modes import reduced_eigenpairs
 from model.reduction.through_thickness import N_RIGID
+from tests.enrichment import enriched
 from updating.diagnosis.candidates import N_MODEL, candidate_model
 
 STACK = dataclasses.replace(

@@ -3,14 +3,16 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 import scipy.sparse.linalg as splinalg
 
 import model
 from model.contact.contact import normal_krons, tangential_krons
 from model.effects.parts import turn_of
 from model.elements.equations import Product
-from model.reduction.effect_basis import shaping
-from model.reduction.projection import projected_columns, projected_terms
+from model.reduction.effect_basis import second_answers, shaping
+from model.reduction.projection import projected_terms
+from model.reduction.through_thickness import shear_shift
 from model.solvers.stack_solver import solver_over_laminas, solver_over_plan
 
 MATERIAL = model.Material(young=2e11, poisson=0.28, density=7650.0)
@@ -99,13 +101,11 @@ def test_projection_agrees_with_the_full_sparse_matrices():
     )
     assembly = model.assemble(stack)
     rng = np.random.default_rng(3)
-    basis, fresh = rng.standard_normal((assembly.size, 5)), rng.standard_normal((assembly.size, 101))
-    square, columns = projected_terms(assembly, basis), projected_columns(assembly, basis, fresh)
+    basis = rng.standard_normal((assembly.size, 5))
+    found = projected_terms(assembly, basis)
     for term in assembly.terms:
-        matrix = assembly.sparse_sum(term.krons)
-        for found, right in ((square, basis), (columns, fresh)):
-            expected = basis.T @ (matrix @ right)
-            np.testing.assert_allclose(found[id(term.krons)], expected, atol=1e-12 * abs(expected).max())
+        expected = basis.T @ (assembly.sparse_sum(term.krons) @ basis)
+        np.testing.assert_allclose(found[id(term.krons)], expected, atol=1e-12 * abs(expected).max())
 
 
 def test_products_that_share_their_matrix_over_z_are_summed():
@@ -180,15 +180,48 @@ def with_catalogue():
     return model.reduce(STACK.with_effects(*possible), n_snapshot=1, n_mode=8)
 
 
-def test_terms_that_do_not_act_can_be_left_out(with_catalogue):
-    own = ("pressure", "G_f", "d_f")
-    for effect in with_catalogue.stack.effects:
-        strong = {p.name: p.nominal for p in effect.parameters}
-        theta = {**with_catalogue.theta, **strong, "pressure": 2e5, "G_f": 1234.0, "omega": 4000.0}
-        acting = with_catalogue.acting(dict.fromkeys([*own, *strong], 1.0)).equations
-        assert len(acting.terms) < len(with_catalogue.terms)
-        for target in ("M", "C", "K"):
-            np.testing.assert_array_equal(acting.matrix(target, theta), with_catalogue.matrix(target, theta))
+def test_the_stack_without_effects_has_its_modes_on_the_first_coordinates(with_catalogue):
+    base = with_catalogue.base(("pressure", "G_f", "d_f"))
+    assert base.size == with_catalogue.n_base < with_catalogue.size / 2
+    assert len(base.terms) < len(with_catalogue.terms)
+    for target in ("M", "C", "K"):
+        whole = with_catalogue.matrix(target, {**with_catalogue.theta, "pressure": 2e5, "omega": 4000.0})
+        there = base.matrix(target, {**with_catalogue.theta, "pressure": 2e5, "omega": 4000.0})
+        np.testing.assert_allclose(there, whole[: base.size, : base.size], atol=1e-12 * abs(whole).max())
+    exact = model.reduce(STACK, n_snapshot=1, n_mode=8)
+    for one in (base, with_catalogue):
+        mine, right = (
+            la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta), eigvals_only=True)[6:8]
+            for own in (one, exact)
+        )
+        np.testing.assert_allclose(mine, right, rtol=1e-4)
+
+
+def test_second_answers_are_what_a_strong_effect_answers_to_its_first_answers():
+    (effect,) = model.find_effects(["waviness"])
+    (amplitude,) = effect.parameters
+    effect = dataclasses.replace(effect, parameters=(dataclasses.replace(amplitude, nominal=0.9),))
+    system = model.reduce(STACK.with_effects(effect), n_mode=12)
+    assembly, theta, base = system.assembly, system.theta, system.basis[:, : system.n_base]
+    shift = shear_shift(STACK, theta)
+    held = assembly.matrix("K", theta) + shift * assembly.matrix("M", theta)
+    strong = {**theta, **{p.name: p.nominal for p in effect.parameters}}
+    change = assembly.matrix("K", strong) - assembly.matrix("K", theta)
+    value, modes = la.eigh(system.base(()).matrix("K", theta), system.base(()).matrix("M", theta))
+    base = base @ modes[:, :12]
+    answer = base[:, 6:] / np.sqrt(value[6:12])
+    for _ in range(2):
+        answer = splinalg.spsolve(held.tocsc(), change @ answer)
+
+    def energy_beside(known):
+        left = answer - known @ la.solve(known.T @ (held @ known), known.T @ (held @ answer))
+        return np.linalg.eigvalsh(left.T @ (held @ left))[-1]
+
+    found = second_answers(
+        assembly, [effect], solver_over_plan(assembly).factor(theta, shift), theta, base, 12, 1e-7
+    )
+    assert energy_beside(base) > 2e-6
+    assert energy_beside(np.hstack([base, found])) < 1e-7
 
 
 def test_a_reduction_answers_to_an_inertia_at_stations_that_it_was_not_made_for():

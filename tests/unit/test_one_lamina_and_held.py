@@ -8,6 +8,7 @@ import model
 from model.effects.soft_interlayers import terms as soft_interlayers
 from model.modes.refinement import refine
 from model.stack.parts import EdgeSupport
+from tests.enrichment import enriched
 from updating.commands.model import AddedEffects, solve
 from updating.commands.terminal import OUT
 
@@ -124,5 +125,5 @@ def test_a_basis_of_a_held_stack_is_enriched_from_its_first_mode_on():
     system = model.reduce(own, n_snapshot=1)
     right = every_frequency(own.with_effects(**theta))
     assert np.abs(frequencies(system, theta) / right - 1.0).max() > 0.02
-    better = model.enriched(system, [theta], 12)
+    better = enriched(system, [theta], 12)
     np.testing.assert_allclose(frequencies(better, theta), right, rtol=1e-4)

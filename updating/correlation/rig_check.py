@@ -186,8 +186,8 @@ def check_rig(
         direction=np.vstack([responses.direction, np.tile(measured.input.direction[0], (n_place, 1))]),
     )
     observed = observe(system, everywhere)
-    acting = system.rough.acting({"pressure": pressure})
-    equations, observed = acting.equations, replace(observed, reduced_rows=acting.rows(observed.reduced_rows))
+    equations = system.base(("G_f", "d_f", "pressure"))
+    observed = replace(observed, reduced_rows=observed.reduced_rows[:, : equations.size])
     tried = np.geomspace(*G_f_range, _TRIALS if stack.n_lamina > 1 else 1)
     modes = [
         solve_modes(

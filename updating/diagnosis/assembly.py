@@ -143,7 +143,9 @@ def _strained(
         base = _solved(candidates.system.equations, own, points, G_f)
         column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
         amplitude = levels[own.name].rms_motion / np.sqrt(np.mean(base.shape[:, column] ** 2, axis=0))
-        shares = [strain_shares(contact, x) for x in base.coordinate[:, column].T]
+        coordinate = np.zeros((candidates.system.size, column.size))
+        coordinate[: len(base.coordinate)] = base.coordinate[:, column]
+        shares = [strain_shares(contact, x) for x in coordinate.T]
         strain = amplitude[:, None] * np.array(shares)
         found.append(replace(own, strain=strain, motion=levels[own.name].motion))
     return tuple(found)
@@ -151,18 +153,17 @@ def _strained(
 
 def _solved(equations: ReducedEquations, own: Tested, observed: Observed, G_f: float) -> Modes:
     """Return the elastic modes of a configuration without effects."""
-    moved = {"pressure": own.pressure, **own.known, "G_f": G_f, "d_f": D_F_START}
-    acting = equations.acting(moved)
-    modes = solve_modes(
-        acting.equations,
+    known = {"pressure": own.pressure, **own.known}
+    base = equations.base(("G_f", "d_f", *known))
+    return solve_modes(
+        base,
         G_f=G_f,
         d_f=D_F_START,
-        n_mode=min(N_MODEL, acting.equations.size),  # one lamina without effects has few
-        observation=replace(observed, reduced_rows=acting.rows(observed.reduced_rows)),
-        parameters={"pressure": own.pressure, **own.known},
+        n_mode=min(N_MODEL, base.size),  # one lamina without effects has few
+        observation=replace(observed, reduced_rows=observed.reduced_rows[:, : base.size]),
+        parameters=known,
         by=(),
     ).elastic()
-    return replace(modes, coordinate=acting.whole(modes.coordinate))
 
 
 def _nearest(equations: ReducedEquations, tested: Sequence[Tested], observed: Sequence[Observed]) -> float:
@@ -173,9 +174,9 @@ def _nearest(equations: ReducedEquations, tested: Sequence[Tested], observed: Se
     FitError
         It has none of a configuration there.
     """
-    rough = equations.rough
     G_f = min(
-        np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _far(rough, tested, observed, trial)[0]
+        np.geomspace(*G_F_RANGE, _TRIALS).tolist(),
+        key=lambda trial: _far(equations, tested, observed, trial)[0],
     )
     n_used = _far(equations, tested, observed, G_f)[1]
     unlike = [own.name for own, n in zip(tested, n_used, strict=True) if not n]

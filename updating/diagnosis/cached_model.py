@@ -34,7 +34,7 @@ from model.effects import parts
 from model.effects.catalogue import shipped
 from model.elements.equations import Formula, Product
 from model.elements.mesh import Plan, plan_on
-from model.reduction.reduced_equations import BasisParts, Further, InRange, ReducedTerm
+from model.reduction.reduced_equations import InRange, ReducedTerm
 from model.stack.inputs import CompressionCurve
 from model.stack.outline import Outline, Triangulation
 from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, Material, PatchSupport, Pressing
@@ -47,8 +47,8 @@ from updating.results.store import digest, versions
 N_CACHED = 3
 """Models that are cached, those that were used last; each takes some 230 MB."""
 _TYPES = (
-    Assembly, BasisParts, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, Further, InRange, Instruments,
-    InterfaceLaw, Interlayer, Kron, Material, Mesh, Monomial, Outline, PatchSupport, Pressing, PressureField, Product,
+    Assembly, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, InRange, Instruments, InterfaceLaw,
+    Interlayer, Kron, Material, Mesh, Monomial, Outline, PatchSupport, Pressing, PressureField, Product,
     ReducedEquations, ReducedSystem, ReducedTerm, Stack, Term, Triangulation,
 )  # fmt: skip
 

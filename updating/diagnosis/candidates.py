@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +16,12 @@ from model import (
     Effect,
     EffectError,
     Instruments,
-    Parameter,
     ReducedEquations,
     ReducedSystem,
-    Sampled,
     Stack,
     assemble,
     reduce,
     reduced_terms,
-    truncated,
-    with_attachment_modes,
 )
 from updating.diagnosis.rig import clamp_places
 from updating.errors import PairingError
@@ -39,21 +34,15 @@ G_F_RANGE = (300.0, 6000.0)
 N_SNAPSHOT = 4
 N_MODEL = 20
 """Modes, rigid-body modes included, that the reduced model is made for."""
-N_SOLVED = 24
-"""Modes that the basis is cut for: an effect can bring others below the last of those that it is made for."""
 MESSAGES = 8
 """In which work is sent to other processes: each holds a model, some 40 MB."""
+_Z_TOLERANCE = 3e-5  # of frequencies by the through-thickness basis: less than measured modes scatter
 DIMENSIONS = ("length", "width", "height")
 _RESIZED = 1e-6  # relative change of a dimension from which its influence is taken
 _FINER = 5 / 3  # elements along each side of the finer mesh; with fewer, some stay as long
 _ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
 EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
 """What the whole error of a mesh is of what the finer one takes away (Richardson 1911)."""
-_ATTACHED = np.geomspace(*G_F_RANGE, 5)[1::2]  # contact stiffnesses at which places answer
-_PLACES = 21
-_TRUNCATED = 0.05  # amplitude of a direction that modes need no more
-_STIFFNESSES = np.geomspace(*G_F_RANGE, 6)  # at which modes are taken
-_NEARBY = 5e-3  # m, that a clamp may be off without a word
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,10 +115,9 @@ def candidate_model(
         G_f_range=G_F_RANGE,
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
+        local=[effect for effect in possible.values() if effect.n_sampled],
+        z_tolerance=_Z_TOLERANCE,
     )
-    sampled = [effect for effect in possible.values() if effect.n_sampled]
-    system = with_attachment_modes(system, sampled, [{"G_f": G_f} for G_f in _ATTACHED], N_MODEL)
-    system = truncated(system, _sampled(possible.values(), placed), N_SOLVED, _TRUNCATED)
     return CandidateModel(
         stack=base,
         system=system,
@@ -230,30 +218,3 @@ def instruments_of(modes: ModalModel) -> Instruments:
     x, y, z = modes.geometry.coordinate[place[int(modes.input.node[0])]]
     sensor = modes.geometry.coordinate[[place[int(n)] for n in modes.node]]
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
-
-
-def _sampled(effects: Iterable[Effect], placed: Sequence[Effect]) -> list[Sampled]:
-    """Return where modes are taken: those of the base model with clamps nearby, and those of each effect apart."""
-    places = [p for effect in placed for p in effect.parameters]
-    stiffness = [{"G_f": float(G_f)} for G_f in _STIFFNESSES]
-    near = [{**at, p.name: end} for p in places for end in (-_NEARBY, _NEARBY) for at in stiffness[::2]]
-    apart = [
-        Sampled(
-            samples=tuple(_corners(i, effect)),
-            parameter=tuple(p.name for p in effect.parameters),
-            reach=_NEARBY if effect in placed else 0.0,
-        )
-        for i, effect in enumerate([*effects, *placed])
-    ]
-    return [Sampled(samples=[*stiffness, *near]), *apart]
-
-
-def _corners(i: int, effect: Effect) -> Iterator[dict[str, float]]:
-    """Return parameters with the i-th effect over its range, each at two contact stiffnesses."""
-    places = round(_PLACES ** (1.0 / max(effect.n_sampled, 1)))  # of all its parameters together so many
-    strength = [p for p in effect.parameters if not p.is_location]
-    for j, corner in enumerate(effect.combinations(partial(Parameter.trials, n=places))):
-        if all(corner[p.name] == p.neutral for p in strength):
-            continue  # the base model
-        for G_f in _STIFFNESSES[(i + j) % 3 :: 3]:
-            yield {"G_f": float(G_f), **corner}

@@ -5,8 +5,6 @@ known only then. The modes of all equations there, corrected from those of the b
 that place, and the error around it of second order in the distance (Rayleigh and Ritz). The corrections are what the
 nominal stack answers to the forces that the modes leave unbalanced (Davidson, J. Comput. Phys. 17, 1975): its factor
 serves for all places.
-
-An effect that may act at any of many places is met by their attachment modes, which hold for all its strengths.
 """
 
 from __future__ import annotations
@@ -20,21 +18,16 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model.elements.equations import Assembly, Term
+from model.elements.equations import Assembly
 from model.modes.modes import reduced_eigenpairs
-from model.reduction.projection import projected_columns
-from model.reduction.reduced_equations import ReducedTerm, full
-from model.reduction.reduction import ReducedSystem, acting, leading, shifted_factor
+from model.reduction.reduction import ReducedSystem, acting, leading, reduced_terms, shifted_factor
 from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.solvers.eigen import orthonormalize
 from model.solvers.low_rank import Factor
-from model.stack.effect import Effect
 from model.stack.errors import SolveError
 
 _TOLERANCE = 1e-6  # relative change of eigenvalues by a correction, below which modes are right
 _MOST_STEPS = 6
-_DEPTH = 2  # answers to forces, and to the inertia of these: what modes far above the measured ones add is small then
-_RANK = 1e-8  # singular values below this share of the largest are rounding
 
 
 def enriched(system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mode: int) -> ReducedSystem:
@@ -66,42 +59,6 @@ def enriched(system: ReducedSystem, samples: Iterable[Mapping[str, float]], n_mo
     return known.extended()
 
 
-def with_attachment_modes(
-    system: ReducedSystem, effects: Iterable[Effect], samples: Iterable[Mapping[str, float]], n_mode: int
-) -> ReducedSystem:
-    """Return the reduced system with what the places of effects answer to any force there in its basis.
-
-    However strong a part is that acts at few places, the modes with it are answers to forces at these (Craig and
-    Chang, AIAA J. 14, 1976); their inertia's answers in turn make a Krylov space, which holds for all frequencies.
-
-    Parameters
-    ----------
-    system : ReducedSystem
-        The reduced stack, with these effects.
-    effects : iterable of Effect
-        Those that act at few places.
-    samples : iterable of mapping of str to float
-        Parameters that differ from the nominal ones, at which places answer.
-    n_mode : int
-        Modes, the six rigid-body modes included, on which the effects' forces are looked at.
-
-    Raises
-    ------
-    SolveError
-        The stiffness is negative at a sample.
-    """
-    own = frozenset(p.name for effect in effects for p in effect.parameters)
-    assembly, known = system.assembly, _Known(system)
-    acting_there = [term.krons for term in assembly.terms if term.factor.names(system.theta) & own]
-    for sample in samples if acting_there else ():
-        theta = {**system.theta, **sample}
-        modes = system.basis @ reduced_eigenpairs(system, theta, n_mode)[1][:, n_rigid(system.stack) : n_mode]
-        every = np.hstack([la.orth(assembly.apply(krons, modes), _RANK) for krons in acting_there])
-        forces = np.asarray(la.orth(every, _RANK))  # several terms act at the same places
-        known.add_answers(forces, shifted_factor(assembly, theta))
-    return known.extended()
-
-
 class _Known:
     """A basis that grows, orthonormal in the mass."""
 
@@ -123,30 +80,12 @@ class _Known:
         if vectors.shape[1]:
             self._blocks.append(orthonormalize(vectors, self.mass, self._blocks))
 
-    def add_answers(self, forces: NDArray[np.float64], factor: Factor) -> None:
-        """Add what answers to forces, and to the inertia of these answers."""
-        for _ in range(_DEPTH):
-            answers = factor.solve(forces)
-            self.add(answers)
-            forces = self.mass(answers)
-
     def extended(self) -> ReducedSystem:
-        """Return the system with all of it; only the new rows and columns of the terms are computed."""
+        """Return the system with all of it."""
         if len(self._blocks) == 1:
             return self._system
-        system, fresh = self._system, np.hstack([vectors for vectors, _ in self._blocks[1:]])
-        basis, n = np.hstack([system.basis, fresh]), system.size
-        columns = projected_columns(system.assembly, basis, fresh)
-
-        def grown(term: ReducedTerm, whole: Term) -> NDArray[np.float64]:
-            matrix = np.zeros((basis.shape[1], basis.shape[1]))
-            matrix[:n, :n] = full(term.matrix)
-            matrix[:, n:] = columns[id(whole.krons)]
-            matrix[n:] = matrix[:, n:].T
-            matrix[n:, n:] = (matrix[n:, n:] + matrix[n:, n:].T) / 2.0
-            return matrix
-
-        return replace(system.rebased(basis, grown), parts=system.parts, quick=system.quick)
+        basis = np.hstack([vectors for vectors, _ in self._blocks])
+        return replace(self._system, basis=basis, terms=reduced_terms(self._system.assembly, basis))
 
 
 class _Correction:
