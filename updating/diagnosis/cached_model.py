@@ -45,7 +45,7 @@ from updating.results.array_file import Special, flattened, read_arrays, restore
 from updating.results.store import digest, versions
 
 N_CACHED = 3
-"""Models that are cached, those that were used last; each takes some 230 MB."""
+"""Models that are cached, those that were used last; each takes some 260 MB."""
 _TYPES = (
     Assembly, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, InRange, Instruments, InterfaceLaw,
     Interlayer, Kron, Material, Mesh, Monomial, Outline, PatchSupport, Pressing, PressureField, Product,
