@@ -10,14 +10,22 @@ from pathlib import Path
 import numpy as np
 
 from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
-from ema.campaign.draft_histories import is_of_force, side_by_side
+from ema.campaign.draft_histories import is_of_force, of_motions_alone, side_by_side
 from ema.io.contents import UNKNOWN, Code, Contents, point_in
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.measured_function import MeasuredFunction
 from ema.io.sdynpy import holds_data_arrays, read_data_arrays
 from ema.io.table import read_points
-from ema.io.uff import OF_GEOMETRY, REAL, UNSTATED, VOLTS, read_uff_functions, read_uff_geometry
+from ema.io.uff import (
+    NOT_OVER_FORCE,
+    OF_GEOMETRY,
+    REAL,
+    UNSTATED,
+    VOLTS,
+    read_uff_functions,
+    read_uff_geometry,
+)
 from ema.io.uff58 import cut
 from ema.io.units import parse_unit
 from ema.types.errors import CampaignError, MeasurementError
@@ -96,6 +104,8 @@ def draft(folder: Path) -> Draft:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
     configurations = _with_forces(_of_one_layout(configurations, left_out), left_out)
     if not configurations:
+        beside = [file.name for place in places for file in sorted(place.iterdir()) if _is_beside(file)]
+        left_out += [f"{', '.join(beside[:4])}: not looked into"] if beside else []
         said = f" ({'; '.join(_shortened(left_out))})" if left_out else ""
         message = (
             f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5, "
@@ -115,6 +125,11 @@ def model_file(folder: Path) -> Path | None:
     """Return the file of the model in a folder, of a stack or of matrices; None without one."""
     files = (folder / name for name in ("stack.toml", "structure.toml"))
     return next((file for file in files if file.exists()), None)
+
+
+def _is_beside(file: Path) -> bool:
+    """Whether a file is one of those that stand beside measurements."""
+    return file.is_file() and file.suffix.lower() in _NO_DATA and not file.name.startswith(".")
 
 
 def _shortened(left_out: list[str]) -> list[str]:
@@ -152,6 +167,10 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
             return _universal(file)
         if kind == "numpy" and holds_data_arrays(file):
             return _of_functions(file, read_data_arrays(file, None))
+        packed = Path(file.stem).suffix.lower() if suffix == ".gz" else ""
+        if packed in SUFFIXES and packed not in _TEXT_SUFFIXES:
+            left_out.append(f"{file}: a packed file of {packed!r}: unpack it")
+            return None
         if kind != "csv":
             return _at_point(guess_variables(file, matlab=kind == "mat"))
     except MeasurementError as error:
@@ -214,10 +233,12 @@ def _universal(file: Path) -> Contents | None:
         return None  # a list of points
     functions, notes = read_uff_functions(file, heads=True)
     volts = [note.rpartition(f"{VOLTS} ")[2] for note in notes if VOLTS in note]
-    real = any(REAL in note for note in notes)
-    if real and not any(f.kind in ("frf", "response") for f in functions):
-        message = f"{file}: {REAL}; export complex FRFs"
-        raise MeasurementError(message)
+    if not any(f.kind in ("frf", "response") for f in functions):
+        for said, wanted in ((REAL, "complex FRFs"), (NOT_OVER_FORCE, "FRFs, response over force")):
+            note = next((note for note in notes if said in note), None)
+            if note is not None:
+                message = f"{file}: {said}{note.rpartition(said)[2]}; export {wanted}"
+                raise MeasurementError(message)
     contents = _of_functions(file, functions, unstated=any(UNSTATED in note for note in notes))
     return replace(contents, volts=volts[0] if "/" in volts[0] else f"{volts[0]}/N") if volts else contents
 
@@ -290,10 +311,16 @@ def _of_one_layout(
 def _with_forces(
     configurations: dict[str, tuple[Contents, ...]], left_out: list[str]
 ) -> dict[str, tuple[Contents, ...]]:
-    """Leave out time histories of one channel that no file with a force stands beside."""
+    """Leave out time histories without a force: of motions alone, or of one channel that no force stands beside."""
     kept = {}
     for name, contents in configurations.items():
         sets = side_by_side(contents)
+        if all(of_set[0].is_time and of_motions_alone(of_set) for of_set in sets):
+            left_out.extend(
+                f"{c.file}: all its channels are of motions ({', '.join(c.titles[:4])}), and an FRF needs a force"
+                for c in contents
+            )
+            continue
         alone = [of_set[0] for of_set in sets if of_set[0].is_time and sum(map(_channels, of_set)) == 1]
         if len(alone) < len(sets) or any(
             map(is_of_force, contents)

@@ -121,7 +121,10 @@ def averaging_of(sets: list[Set], *, looked_at: int = 3) -> dict[str, Guessed]:
     if all(format_of(c.file) == "uff" for c in sets[0]):
         return guessed  # universal files state their units
     if force is None:
-        guessed["force"] = Guessed(value=1, comment="guessed: nothing tells which channel is the force")
+        position = int(np.argmin(_are_motions(titles, len(titles)))) if titles else 0
+        guessed["force"] = Guessed(
+            value=position + 1, comment="guessed: nothing tells which channel is the force"
+        )
     units = [_unit(title) for title in titles]
     unit = units[position] if position < len(units) else None
     others = {label for k, label in enumerate(units) if k != position}
@@ -195,12 +198,25 @@ def _force(files: Set, records: list[list[MeasuredFunction]], titles: list[str])
     shares = [
         pulse_share(np.array([f.value for f in record])) for record in records if _of_one_length(record)
     ]
+    shares = [np.where(_are_motions(titles, share.size), 1.0, share) for share in shares]
     narrowest = Counter(int(np.argmin(share)) for share in shares if share.min() < PULSE)
     if not narrowest:
         return None
     return Guessed(
         value=narrowest.most_common(1)[0][0], comment="guessed: it is a short pulse, as of a hammer"
     )
+
+
+def of_motions_alone(files: Set) -> bool:
+    """Whether the titles of all channels of a record state units of motions: there is no force among them."""
+    titles = _titles(files)
+    return len(titles) > 1 and bool(_are_motions(titles, len(titles)).all())
+
+
+def _are_motions(titles: list[str], count: int) -> NDArray[np.bool_]:
+    """Tell of channels whether their titles state the unit of a motion: such a one is no force, whatever its form."""
+    units = [_unit(title) for title in titles] if len(titles) == count else [None] * count
+    return np.array([unit is not None and _is_motion(parse_unit(unit)) for unit in units], dtype=bool)
 
 
 def _of_one_length(record: list[MeasuredFunction]) -> bool:

@@ -328,9 +328,11 @@ def _require_not_negative(entries: list[_Entry]) -> None:
 
 
 def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
-    """Leave out functions without an ascending frequency axis, which nothing can be done with."""
+    """Turn functions round that begin at their highest frequency, and leave out those whose axis goes no way at all."""
     good = []
-    for entry in entries:
+    for given in entries:
+        step = np.diff(given.frequency)
+        entry = _turned_round(given) if step.size and np.all(step < 0) else given
         step = np.diff(entry.frequency)
         if step.size and np.all(step > 0) and np.isfinite(entry.frequency).all():
             good.append(entry)
@@ -340,6 +342,12 @@ def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
         message = f"{entries[0].source}: no function has an ascending frequency axis"
         raise MeasurementError(message)
     return good
+
+
+def _turned_round(entry: _Entry) -> _Entry:
+    """Return a function with its lines in the opposite order, as a sweep downwards gives them."""
+    coherence = None if entry.coherence is None else entry.coherence[::-1]
+    return replace(entry, frequency=entry.frequency[::-1], value=entry.value[::-1], coherence=coherence)
 
 
 def _one_quantity(entries: list[_Entry], notes: list[str]) -> list[_Entry]:

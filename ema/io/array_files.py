@@ -198,7 +198,8 @@ _PART = re.compile(r"(.+)\[([-\d:, ]+)\]")
 NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"
 """First bytes of files of numpy.save, and of numpy.savez."""
 _UNITS = ("unit", "units", "Unit", "Units")  # attributes of HDF5
-_COMPLEX_FIELDS = ("real", "imag")  # of complex numbers as MATLAB stores them in HDF5
+_COMPLEX_FIELDS = (("real", "imag"), ("re", "im"), ("r", "i"))
+"""Fields of complex numbers in HDF5, as MATLAB and others store them, in letters of any size."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -364,7 +365,7 @@ def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
             if matlab and h5py.check_ref_dtype(item.dtype) is not None:
                 for k, reference in enumerate(item[()].ravel(), start=1):
                     add(_element(name, k, is_cell=item.attrs.get("MATLAB_class") == b"cell"), file[reference])
-            elif item.dtype.names == _COMPLEX_FIELDS or item.dtype.kind in "fiubc":
+            elif _holds_complex(item) or item.dtype.kind in "fiubc":
                 arrays[name] = _dataset(item, matlab=matlab)
 
     def visit(name: str, item: Any) -> None:
@@ -397,6 +398,11 @@ def _attributes(item: Any) -> Iterator[tuple[str, ArrayInFile]]:
             )
 
 
+def _holds_complex(item: Any) -> bool:
+    """Whether the fields of a data set are those of complex numbers."""
+    return tuple(name.lower() for name in item.dtype.names or ()) in _COMPLEX_FIELDS
+
+
 def _dataset(item: Any, *, matlab: bool) -> ArrayInFile:
     """Return the array of a data set of HDF5, as MATLAB shows it where MATLAB wrote it."""
     empty = matlab and bool(item.attrs.get("MATLAB_empty", 0))  # its numbers are then its shape
@@ -404,10 +410,13 @@ def _dataset(item: Any, *, matlab: bool) -> ArrayInFile:
 
     def read() -> NDArray[Any]:
         value = item[()]
-        value = value["real"] + 1j * value["imag"] if item.dtype.names == _COMPLEX_FIELDS else value
+        if _holds_complex(item):
+            first, second = item.dtype.names
+            value = value[first] + 1j * value[second]
         return np.asarray(value.T if matlab else value)
 
     unit = next((item.attrs[key] for key in _UNITS if key in item.attrs), "")
+    unit = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit
     return ArrayInFile(shape=tuple(shape), read=read, unit=unit if isinstance(unit, str) else "")
 
 

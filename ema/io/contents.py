@@ -110,21 +110,21 @@ def dof_name(code: Code | None) -> str:
 
 def unit_in(text: str) -> str | None:
     """Return the first unit of a response over a force in a header; None where there is none."""
-    return next((label for label, unit in _ratios(text) if unit.frf is not None), None)
+    return next((label for label, unit in ratios_in(text) if unit.frf is not None), None)
 
 
 def volts_in(text: str) -> str:
     """Return the first unit of volts over something in a header; empty where there is none."""
-    return next((label for label, unit in _ratios(text) if unit.volt != 0), "")
+    return next((label for label, unit in ratios_in(text) if unit.volt != 0), "")
 
 
-def _ratios(text: str) -> Iterator[tuple[str, Unit]]:
+def ratios_in(text: str) -> Iterator[tuple[str, Unit]]:
     """Give the units in a header that are ratios, with what they mean."""
     in_brackets = re.findall(r"[\[(]([^\[\]\s,;]*/[^\[\]\s,;]*)[\])](?=[\s,;]|$)", text)
     for word in (*re.split(r"[\s,;]+", text), *in_brackets):
         label = word.strip("[]\"'")
         try:
-            if "/" in label or "^-1" in label:
+            if ("/" in label or "^-1" in label) and re.search("[A-Za-z]", label):  # else it is a date
                 yield label, parse_unit(label)
         except MeasurementError:
             continue

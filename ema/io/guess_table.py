@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from ema.io.contents import (
     FORCE,
     UNKNOWN,
+    Code,
     Contents,
     dofs_in,
     lacks_sign,
     polar_units,
+    ratios_in,
     unit_in,
     volts_in,
     with_names,
@@ -30,6 +32,7 @@ from ema.io.rows import (
     cells_of,
     decoded,
     encoding_of,
+    is_labview,
     number,
     segments_of,
     ungrouped,
@@ -45,6 +48,10 @@ _OF_SPECTRA = (
     r"auto.?(?:power.?)?(?:spectr|spekt)\w*|(?:power|cross|frequency|leistungs|amplituden).?(?:spectr|spekt)\w*|"
     r"\b(?:psd|asd|csd)\b|spectral densit\w*|\b(?:amplitude|linear|complex) spectrum|\bspectrum$"
 )
+_OF_POINTS = r"resp|\bout|\bref|\binp|\bexc|forc|\bdof\b|point|node|antwort|anreg|kraft|punkt"
+_OF_A_PART = r"(?:^|[\W_])(real|re|imag\w*|im|mag\w*|amp\w*|abs|phase|phas|angle|betrag)(?:$|[\W_\d])"
+_NAMELESS = r"(?:var|col(?:umn)?|c|y|x|data|unnamed|field|feld|wert|value|spalte)?\W*\d+"
+"""A title that says nothing, as programs number columns: two such may be the parts of one function."""
 _OF_TIME = (
     r"sampl(e|ing) (rate|frequency|freq|interval|period)|abtast(rate|freq|int)|vzor[cč]enj|x_dimension\W+time"
 )
@@ -74,7 +81,9 @@ class _Text:
     decimal: str
     header: list[list[str]]
     n_header: int
-    n_segment: int
+    heads: tuple[
+        str, ...
+    ]  # the header of each segment; of LabVIEW's text, whose headers name no points, empty
     value: NDArray[np.complex128]
 
     def title(self, column: int) -> str:
@@ -98,6 +107,11 @@ class _Text:
         return f" [{units[channel - 1].strip()}]" if 0 < channel <= len(units) and not is_time else ""
 
     @property
+    def n_segment(self) -> int:
+        """How many segments there are."""
+        return len(self.heads)
+
+    @property
     def words(self) -> str:
         """All of the header."""
         return "\n".join(" ".join(row) for row in self.header)
@@ -116,7 +130,11 @@ def guess_table(path: Path) -> Contents | None:
     text = _cut(path)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
         contents = None if text is None else _guess(path, text)
-    if text is None or contents is None or text.n_segment == 1:
+    if text is None or contents is None:
+        return contents
+    if not contents.is_time and len(contents.dofs) == 1 and contents.dofs[0][0] is None:
+        contents = replace(contents, dofs=tuple(_dofs_in_header(head) for head in text.heads))
+    if text.n_segment == 1:
         return contents
     what = (
         "records that are averaged; one that goes on where the one before ends is joined to it"
@@ -124,8 +142,20 @@ def guess_table(path: Path) -> Contents | None:
         else "functions of their own"
     )
     guess = f"the {text.n_segment} segments of the file are {what}"
-    dofs = contents.dofs if contents.is_time else contents.dofs * text.n_segment
+    told = contents.is_time or len(contents.dofs) == text.n_segment > 1
+    dofs = contents.dofs if told else contents.dofs * text.n_segment
     return replace(contents, dofs=dofs, guesses=(guess, *contents.guesses))
+
+
+def _dofs_in_header(head: str) -> tuple[Code | None, Code | None]:
+    """Return output and input of a segment of one FRF as its header says, in rows that tell of points."""
+    dofs = [
+        code
+        for row in head.splitlines()
+        if re.search(_OF_POINTS, row, re.IGNORECASE)
+        for code in dofs_in(row)
+    ]
+    return (dofs[0] if dofs else None, dofs[1] if len(dofs) > 1 else None)
 
 
 def _guess(path: Path, text: _Text) -> Contents | None:
@@ -154,6 +184,8 @@ def _guess(path: Path, text: _Text) -> Contents | None:
         return _with_times(path, text, axis, keys, guesses)
     n_guessed = len(guesses)
     if _spectrum_in(text, columns):
+        return None
+    if _other_ratio_in(text) or _one_part(path, text, columns):
         return None
     guessed = _functions(text, columns, guesses)
     by_numbers = len(guesses) > n_guessed
@@ -200,6 +232,12 @@ def not_understood(path: Path) -> str | None:
         return (
             f"it tells of {spectrum!r}: spectra of one channel are no FRFs; export FRFs, response over force"
         )
+    if other := _other_ratio_in(text):
+        return (
+            f"it states the unit {other}, which is no response over a force; export FRFs, response over force"
+        )
+    if one_part := _one_part(path, text, list(range(1, width))):
+        return one_part
     columns = f"{width} columns" + (f" ({titles})" if titles else "") + " of numbers, "
     if np.all(np.diff(text.value[:, 0].real) > 0):
         return (
@@ -209,6 +247,46 @@ def not_understood(path: Path) -> str | None:
     return (
         f"{columns}none of frequencies or times before them; write a campaign file by hand, with layout, "
         "axis_column = 0 and axis_step, or of histories sampling_Hz, under [measurement.table]"
+    )
+
+
+def _other_ratio_in(text: _Text) -> str:
+    """Return a unit in the header of a ratio that is no FRF, where none of an FRF is there; empty where it has none.
+
+    A force over a response is a dynamic stiffness or an apparent mass, a response over another a transmissibility.
+    """
+    ratios = list(ratios_in(" ".join(cell for row in text.header for cell in row)))
+    if any(unit.frf is not None or unit.volt for _, unit in ratios):
+        return ""
+    return next((label for label, unit in ratios if unit.turned_frf or unit.dimension == (0, 0, 0)), "")
+
+
+def _one_part(path: Path, text: _Text, columns: list[int]) -> str:
+    """Say that a table holds one part of each function alone; empty where nothing tells that it does.
+
+    Columns of which each is called by its own point or channel are no pairs, nor are those of a file that is called by
+    one part.
+    """
+    titles = [text.title(c) for c in columns]
+    if (
+        any(re.search(words, title.lower()) for _, words in _KINDS for title in titles)
+        or text.value.imag.any()
+    ):
+        return ""
+    named = [re.fullmatch(_NAMELESS, title, re.IGNORECASE) is None and bool(title) for title in titles]
+    alike = {re.sub(r"\d+", "#", title) for title in titles}
+    own = len(titles) > 1 and all(named) and len(alike) == 1 and len(set(titles)) == len(titles)
+    part = re.search(_OF_A_PART, path.stem, re.IGNORECASE)
+    if not own and part is None:
+        return ""
+    said = (
+        f"its name says {part[1]!r}"
+        if part
+        else f"its columns are called {', '.join(titles[:4])}, one for each channel"
+    )
+    return (
+        f"{said}: it seems to hold one part of each FRF alone; put real and imaginary parts, or magnitude and phase, "
+        "of each function beside each other into one file"
     )
 
 
@@ -255,11 +333,16 @@ def _cut(
                 segments = segments_of(rows, start)
                 last = start + len(segments[0].rows)
                 value = [row for row in numbers[start:last] if row is not None and len(row) == width]
+                ends = [0, *(segment.first + len(segment.rows) for segment in segments)]
+                heads = tuple(
+                    "" if is_labview(rows[:start]) else "\n".join(rows[end : segment.first])
+                    for end, segment in zip(ends, segments, strict=False)
+                )
                 # an empty row, and a "#" alone, has one empty cell, whatever separates the others
                 header = [_titles(row, delimiter) for row in rows[:start]]
                 return _Text(
                     encoding=encoding, delimiter=delimiter, decimal=decimal, header=header, n_header=start,
-                    n_segment=len(segments), value=np.array(value),
+                    heads=heads, value=np.array(value),
                 )  # fmt: skip
     return None
 
@@ -368,6 +451,9 @@ def _axis(text: _Text) -> int | None:
     rounded = bool(np.all(np.diff(value[:, 0].real) >= 0)) and not value[:, 0].imag.any()
     if rounded and not ascends[0] and rate_of_rounded(value[:, 0].real) is not None:
         return 0  # times of few digits, of which some repeat
+    falls = bool(np.all(np.diff(value[:, 0].real) < 0)) and not value[:, 0].imag.any()
+    if falls and re.search(r"freq|\bhz\b|^f\b", text.title(0), re.IGNORECASE):
+        return 0
     counts = bool(np.ptp(value[:, 0].real - np.arange(len(value))) == 0.0) and value[0, 0].real in (0.0, 1.0)
     if counts and value.shape[1] > 3 and ascends[1]:
         return 1

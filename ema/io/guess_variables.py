@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, arrays_in
 from ema.io.array_histories import pattern_of
-from ema.io.contents import FORCE, UNKNOWN, Code, Contents, with_names
+from ema.io.contents import FORCE, UNKNOWN, Code, Contents, unit_in, with_names
 from ema.io.guess_parts import magnitudes_alone, parts_of_frfs, table_of_frfs
 from ema.io.variables import FIRST_CHANNEL, FIRST_COLUMN, WAYS
 from ema.types.errors import MeasurementError
@@ -363,7 +363,15 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
             file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),),
             guesses=tuple(guesses),
         )  # fmt: skip
-    return _of_frfs(path, arrays, keys, block, guesses)
+    return replace(_of_frfs(path, arrays, keys, block, guesses), unit=_stated_unit(keys, units))
+
+
+def _stated_unit(keys: Mapping[str, Any], units: Mapping[str, str]) -> str | None:
+    """Return the unit of a response over a force that the file states of its FRFs, in one way of all of them."""
+    names = next((keys[part] for way in WAYS for part in way[:1] if part in keys), ())
+    stated = {units.get(name) for name in ((names,) if isinstance(names, str) else names)}
+    label = next(iter(stated)) if len(stated) == 1 else None
+    return None if label is None else unit_in(label)
 
 
 def _with_units(histories: HistoriesFound, units: Mapping[str, str]) -> tuple[str, ...]:
@@ -392,7 +400,8 @@ def _of_frfs(
     steps = {} if frequency else _steps(arrays, max(block.shape), guesses)
     keys |= steps if steps else {"frequency": frequency or UNKNOWN}
     shape = (block.shape[0], block.shape[1] - 1) if own_column else block.shape
-    n_line = max(shape) if steps else shape[0] if own_column or not frequency else arrays[frequency].size
+    # Where nothing tells the frequencies, functions have more lines than there are functions.
+    n_line = arrays[frequency].size if frequency in arrays else shape[0] if own_column else max(shape)
     columns = own_column or (len(names) > 1 and shape[0] == n_line)
     axes = ["frequency", "output"] if columns else _axes(shape, n_line)
     keys["axes"] = axes
@@ -521,7 +530,7 @@ def _frequency(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
         name for name, value in arrays.items()
         if value.size == max(value.shape, default=0) > 1 and value.size in shape
         and not np.iscomplexobj(value) and not _CIRCULAR.search(_last(name))
-        and np.all(np.diff(value.ravel().astype(float)) > 0)
+        and (np.all(np.diff(value.ravel().astype(float)) > 0) or np.all(np.diff(value.ravel().astype(float)) < 0))
     ]  # fmt: skip
     named = [name for name in fits if re.search(r"(?:^|[._/])f(?:req\w*)?$|freq|hz", name, re.IGNORECASE)]
     if not fits and (beside := _of_sdt(arrays, shape)) is not None:
@@ -567,7 +576,7 @@ def _axes(shape: tuple[int, ...], n_line: int) -> list[str]:
 
 
 def _place(arrays: _Arrays, keys: dict[str, Any], end: str, count: int) -> bool:
-    """Add the variables of points and directions whose names and lengths fit; say whether there are both."""
+    """Add the variables of points, and of directions, whose names and lengths fit; say whether points are there."""
     variables: dict[str, str] = {}
     for key, what in (("point", r"point|node|dof"), ("direction", r"dir")):
         for name, value in arrays.items():
@@ -577,7 +586,7 @@ def _place(arrays: _Arrays, keys: dict[str, Any], end: str, count: int) -> bool:
             whole = value.size == count and not np.iscomplexobj(value) and np.all(value == np.round(value))
             if fits and whole and (key == "point" or np.all(np.isin(np.abs(value), (1, 2, 3)))):
                 variables.setdefault(f"{end}_{key}", name)
-    if len(variables) < 2:
+    if f"{end}_point" not in variables:
         return False
-    keys.update(variables)
+    keys.update({f"{end}_direction": UNKNOWN} | variables)
     return True

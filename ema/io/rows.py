@@ -21,6 +21,12 @@ _MARKS = (
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 _WITHOUT_LETTER = re.compile(r"(\.\d+)([+-]\d{3})(?=$|[\s,;])")
 """An exponent of three digits takes the place of Fortran's letter, as in ``1.5-103``."""
+_NO_NUMBER = re.compile(
+    r"[+-]?(?:1\.#(?:Q?NAN|SNAN|IND)\w*|nan\(\w*\)|n\.?def\.?|undefined)|#(?:N/?A|NV|NUM!|ZAHL!|DIV/0!|VALUE!|WERT!)",
+    re.IGNORECASE,
+)
+"""What Microsoft's C library, spreadsheets and MATLAB's neighbours write in place of a number that is none."""
+_INFINITE = re.compile(r"([+-]?)1\.#INF\w*", re.IGNORECASE)
 _QUOTED = re.compile(r'"([^"]*)"|(\S+)')
 
 
@@ -144,12 +150,18 @@ def number(word: str) -> complex:
     try:
         return complex(compact)
     except ValueError:
+        if _NO_NUMBER.fullmatch(word.strip("\"' ")):
+            return complex("nan")
+        if (infinite := _INFINITE.fullmatch(word.strip("\"' "))) is not None:
+            return complex(infinite[1] + "inf")
         return complex(_with_letter(compact.replace("+-", "-")))
 
 
 END_OF_HEADER = "***End_of_Header"
 """Ends the header of the file and that of each segment; the row of titles follows."""
 _HEADER = re.compile(r"\s*($|\*\*\*|Channels\b|Samples\b|Date\b|Time\b|Y_|X_|X0\b|Delta_X\b|Notes\b|Test_)")
+_FIRST_CELL = re.compile(r"""\s*["'(]?([+-]?[.,]?\d[^\s;,"']*)""")
+_APART = re.compile(r"[\s;,]+")
 _CLOCK = re.compile(r"(\d+):(\d+):(\d+(?:[.,]\d+)?)")
 
 
@@ -167,8 +179,11 @@ def is_labview(rows: Sequence[str]) -> bool:
     return any(row.startswith(END_OF_HEADER) for row in rows)
 
 
-def segments_of(rows: Sequence[str], header_rows: int) -> list[Segment]:
-    """Return the segments of a text file; one alone where it is not LabVIEW's, or has no further headers.
+def segments_of(rows: Sequence[str], header_rows: int, *, fewest: int = 10) -> list[Segment]:
+    """Return the segments of a text file; one alone where it has no further headers.
+
+    In LabVIEW's text each header begins a segment. In that of others a header stands between them, and each begins with
+    the abscissa and the width of the first; words below the numbers, or amidst them, are none.
 
     Parameters
     ----------
@@ -176,9 +191,16 @@ def segments_of(rows: Sequence[str], header_rows: int) -> list[Segment]:
         All rows of the file.
     header_rows : int
         Rows before the first row of numbers.
+    fewest : int
+        Rows of numbers of a segment.
     """
     if not is_labview(rows[:header_rows]):
-        return [Segment(rows=list(rows[header_rows:]), first=header_rows, start=0.0)]
+        firsts = [header_rows, *_begun_anew(rows, header_rows, fewest)]
+        heads = [header_rows, *(_header_of(rows, first) for first in firsts[1:]), len(rows)]
+        return [
+            Segment(rows=list(rows[first:head]), first=first, start=0.0)
+            for first, head in zip(firsts, heads[1:], strict=True)
+        ]
     ends = [k for k, row in enumerate(rows) if k >= header_rows and row.startswith(END_OF_HEADER)]
     segments, header = [], 0
     for first in (header_rows, *(end + 2 for end in ends)):  # titles stand between
@@ -190,6 +212,32 @@ def segments_of(rows: Sequence[str], header_rows: int) -> list[Segment]:
             segments.append(Segment(rows=list(rows[first:last]), first=first, start=start))
         header = last
     return segments
+
+
+def _begun_anew(rows: Sequence[str], header_rows: int, fewest: int) -> list[int]:
+    """Return the rows after further headers at which numbers begin as the first do."""
+    if header_rows >= len(rows) or (first := _FIRST_CELL.match(rows[header_rows])) is None:
+        return []
+    width = len(_APART.findall(rows[header_rows].strip()))
+    firsts, in_header = [], False
+    for k in range(header_rows + 1, len(rows)):
+        cell = _FIRST_CELL.match(rows[k])
+        if cell is None:
+            in_header = True
+            continue
+        block = rows[k : k + fewest]
+        if in_header and cell[1] == first[1] and len(block) == fewest:
+            alike = all(_FIRST_CELL.match(row) and len(_APART.findall(row.strip())) == width for row in block)
+            firsts += [k] if alike else []
+        in_header = False
+    return firsts
+
+
+def _header_of(rows: Sequence[str], first: int) -> int:
+    """Return the first row of the header before a segment: what follows the last row of numbers."""
+    while _FIRST_CELL.match(rows[first - 1]) is None:
+        first -= 1
+    return first
 
 
 def _start(header: Sequence[str]) -> float:

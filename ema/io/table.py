@@ -194,7 +194,7 @@ def _record(
     if layout.layout == "time":
         where = f"{path}: column {layout.axis_column}"
         require_ascending(where, "row", segment.first + 1, axis, "[measurement.table]")
-    elif not np.all(np.diff(axis) > 0):
+    elif not np.all(np.diff(axis) > 0) and not np.all(np.diff(axis) < 0):
         row = segment.first + 2 + int(np.argmin(np.diff(axis) > 0))
         message = f"{path}: row {row}, column {layout.axis_column}: the frequency does not ascend"
         raise MeasurementError(message)

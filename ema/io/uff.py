@@ -99,6 +99,8 @@ UNSTATED = (
 """What a note says of a unit that nobody stated, after the file and the data set."""
 REAL = "its values are real, and those of an FRF are complex: it holds magnitudes or one part alone; it is not used"
 """What a note says of an FRF without its other part, after the file and the data set."""
+NOT_OVER_FORCE = "it is no response over a force but"
+"""What a note says of a ratio of other things, after the file and the data set and before what it is."""
 VOLTS = "its unit is one of volts, without the sensitivity of the sensor:"
 """What a note says of a unit of volts, after the file and the data set and before the unit."""
 _KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
@@ -370,6 +372,9 @@ def _function(record: Record58, units: FileUnits, unit: Unit | None, notes: list
             factor, quantity = (1.0, None) if motion is None else (motion.factor, motion.motion)
         elif motion is not None and motion.frf is not None:
             factor, quantity = motion.factor, motion.frf
+        elif (other := _other_ratio(motion, force)) is not None:
+            notes.append(f"{record.where}: {NOT_OVER_FORCE} {other}; it is not used")
+            kind = "other"
         elif motion is not None and motion.motion is not None:
             denominator = force.factor if force is not None and force.is_force else units.force
             factor, quantity = motion.factor / denominator, motion.motion
@@ -389,6 +394,19 @@ def _function(record: Record58, units: FileUnits, unit: Unit | None, notes: list
         source=record.where,
         component=component,
     )
+
+
+def _other_ratio(numerator: Unit | None, denominator: Unit | None) -> str | None:
+    """Say what a ratio is that is stated to be no response over a force; None where it may be an FRF."""
+    if numerator is None or denominator is None:
+        return None
+    if denominator.motion is not None and numerator.motion is not None:
+        return "a response over another response (a transmissibility), which has no natural frequencies of its own"
+    if denominator.motion is not None and numerator.is_force:
+        return (
+            "a force over a response (a dynamic stiffness or apparent mass), whose peaks are antiresonances"
+        )
+    return "a force over a force" if denominator.is_force and numerator.is_force else None
 
 
 def _kind(record: Record58, notes: list[str]) -> Kind:

@@ -88,6 +88,11 @@ class Unit:
         return _MOTION.get(self.dimension) if self.volt == 0 else None
 
     @property
+    def turned_frf(self) -> bool:
+        """Whether this is the unit of a force over a response."""
+        return self.volt == 0 and (-self.dimension[0], -self.dimension[1], -self.dimension[2]) in _FRF
+
+    @property
     def is_force(self) -> bool:
         """Whether this is a unit of force."""
         return self.dimension == (0, 0, 1) and self.volt == 0

@@ -377,7 +377,7 @@ def _frequency(
 
 
 def _ascending(where: str, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    if not np.all(np.diff(frequency) > 0):
+    if not np.all(np.diff(frequency) > 0) and not np.all(np.diff(frequency) < 0):
         at = int(np.argmin(np.diff(frequency) > 0)) + 2
         message = f"{where}: value {at}: the frequency does not ascend"
         raise MeasurementError(message)

@@ -51,6 +51,8 @@ class Kind:
     fill: tuple[tuple[str, str], ...] = ()
     rtol: float = 1e-9
     said: str = ""  # in the campaign file
+    scale: float = 1.0  # of the numbers in the file into SI
+    zero: bool = False  # whether the file has a line at 0 Hz, too
 
 
 def mat(content) -> Write:
@@ -173,6 +175,19 @@ def spectra(*above) -> Write:
     return text(table((*above, "f [Hz],Magnitude,Phase"), PARTS[:, :3]))
 
 
+def pair(value, between=","):
+    """Return rows of the frequency and both parts of one function."""
+    parts = np.column_stack([FREQUENCY, value.real, value.imag])
+    return "".join(between.join(f"{x:.17g}" for x in row) + "\n" for row in parts)
+
+
+BLOCKS = "".join(
+    f"Function {k}: response {k}+Z, reference 1+Z\nf [Hz],Real [(m/s^2)/N],Imag [(m/s^2)/N]\n{pair(v)}\n"
+    for k, v in enumerate(VALUE.T, start=1)
+)
+"""An export of one function after the other, each below its own header."""
+COMPOUND = np.zeros(VALUE.T.shape, [("re", "f8"), ("im", "f8")])
+COMPOUND["re"], COMPOUND["im"] = VALUE.T.real, VALUE.T.imag
 SDYNPY = sdynpy_array(FREQUENCY, VALUE.T, [[(n, 3), (1, 3)] for n in (1, 2, 3)])
 SPLIT = {
     f"{what}{k + 1}": part[:, k]
@@ -303,8 +318,86 @@ KINDS: dict[str, Kind] = {
         mat({"H": VALUE, "df": 0.5, "fstart": 0.5}), said="axis_start = 0.5"
     ),
     "TDMS: real and imaginary channels": Kind(tdms),
+    "text: blocks of functions, each below a header": Kind(
+        text(BLOCKS), said="the 3 segments of the file are functions of their own"
+    ),
+    "text: a sweep downwards": Kind(text(table(rows=PARTS[::-1]))),
+    "text: what Microsoft's library writes for no number, at 0 Hz": Kind(
+        text(table([",".join(TITLES), ",".join(["0", *6 * ["1.#QNAN"]])])), said="header_rows = 1"
+    ),
+    "text: columns that a program numbered": Kind(
+        text(table(["Var1", *(f"Var{k}" for k in range(2, 8))])), said='layout = "real-imaginary"'
+    ),
+    "NumPy: functions from the highest frequency down": Kind(
+        npz({"H": VALUE[::-1].T, "freq": FREQUENCY[::-1]})
+    ),
+    "HDF5: a unit of the functions as an attribute": Kind(
+        hdf5({"frf": COMPOUND, "f": FREQUENCY}, {"frf": "g/N"}), rtol=1e-9, said='unit = "g/N"', scale=9.80665
+    ),
+    "NumPy: more lines than functions, and no frequencies": Kind(
+        lambda folder: np.save(folder / "a.npy", np.vstack([np.zeros(3), VALUE]).T),
+        fill=(('frequency = "?"', "axis_step = 0.5"),),
+        said='axes = ["output", "frequency"]',
+        zero=True,
+    ),
+    "MATLAB: points, but no directions": Kind(
+        mat({"H": VALUE, "f": FREQUENCY, "out_nodes": [1, 2, 3], "in_nodes": [1]}),
+        fill=(
+            ('output_direction = "?"', 'output_direction = "+z"'),
+            ('input_direction = "?"', 'input_direction = "+z"'),
+        ),
+        said='output_point = "out_nodes"',
+    ),
 }
+ONE_PART = table(["f [Hz]", "1+z", "2+z"], PARTS[:, [0, 1, 3]])
 REFUSED: dict[str, tuple[Write, str]] = {
+    "text: real parts in a file of their own": (
+        text(ONE_PART, "frf_real.csv"),
+        "frf_real.csv: its name says 'real': it seems to hold one part of each FRF alone",
+    ),
+    "text: a column for each point": (
+        text(ONE_PART, "a.csv"),
+        r"a.csv: its columns are called 1\+z, 2\+z, one for each channel: it seems to hold one part",
+    ),
+    "text: a dynamic stiffness": (
+        text(table(["f [Hz]", "1+z Re [N/m]", "1+z Im [N/m]"], PARTS[:, :3])),
+        "it states the unit N/m, which is no response over a force",
+    ),
+    "text: a transmissibility": (
+        text(table(["f [Hz]", "1+z Re [g/g]", "1+z Im [g/g]"], PARTS[:, :3])),
+        "it states the unit g/g, which is no response over a force",
+    ),
+    "UFF: an apparent mass": (
+        universal(
+            "N",
+            **{
+                "ordinate numerator specific data type": 13,
+                "ordinate denominator specific data type": 12,
+                "ordinate denominator units label": "m/s^2",
+            },
+        ),
+        "a force over a response .* export FRFs, response over force",
+    ),
+    "UFF: a transmissibility": (
+        universal(
+            **{"ordinate denominator specific data type": 12, "ordinate denominator units label": "m/s^2"}
+        ),
+        "a response over another response .* export FRFs",
+    ),
+    "UFF: packed": (
+        lambda folder: (folder / "a.unv.gz").write_bytes(gzip.compress(b"x")),
+        "a.unv.gz: a packed file of '.unv': unpack it",
+    ),
+    "text: accelerations alone": (
+        text(
+            "t [s],a [m/s^2],b [g]\n" + "".join(f"{t:.3f},{np.sin(99 * t)},{np.cos(99 * t)}\n" for t in TIME)
+        ),
+        r"all its channels are of motions \(a \[m/s\^2\], b \[g\]\), and an FRF needs a force",
+    ),
+    "a file that stands beside measurements": (
+        lambda folder: (folder / "frf.json").write_text("{}"),
+        "frf.json: not looked into",
+    ),
     "auto spectra of SDynPy": (
         npz({"data": SDYNPY, "function_type": 2}),
         "holds neither FRFs .* export FRFs",
@@ -431,8 +524,9 @@ def test_a_file_is_read(tmp_path, name):
     measured, text = read(tmp_path, kind.fill)
     frf = measured.frf
     assert frf.quantity == "accelerance"
-    np.testing.assert_allclose(frf.frequency, FREQUENCY, rtol=kind.rtol)
-    np.testing.assert_allclose(frf.value[:, 0].T, VALUE, rtol=kind.rtol, atol=1e-12)
+    lines = slice(int(kind.zero), None)
+    np.testing.assert_allclose(frf.frequency[lines], FREQUENCY, rtol=kind.rtol)
+    np.testing.assert_allclose(frf.value[:, 0, lines].T, kind.scale * VALUE, rtol=kind.rtol, atol=1e-12)
     assert [frf.output.name(k) for k in range(3)] == ["1+z", "2+z", "3+z"]
     assert frf.input.name(0) == "1+z"
     assert kind.said in text
