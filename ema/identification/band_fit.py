@@ -116,7 +116,7 @@ class _Sums:
 
 
 def _around_pole(
-    data: Functions, fit: Fit, r: int, lines: slice, width: float, *, at_once: int = 1 << 20
+    data: Functions, fit: Fit, r: int, lines: slice, width: float, *, at_once: int = 1 << 19
 ) -> _Sums:
     """Add up the functions, some at a time: all at once would take several times their memory.
 
@@ -299,6 +299,7 @@ def fit_band(
         own_lines = part.of(one.fit.weight)
         weights.append(own_lines / one.fit.noise[:, None] ** 2)
         fits.append(replace(one, fit=_without_lines(one.fit)))
+        del one, own_lines  # large, and not to be held beside the next part
     return _joined(frf, parts, ends, fits, weights)
 
 
@@ -477,13 +478,10 @@ def _joined(
     for row in weight:
         np.divide(row, np.exp(np.mean(np.log(row))), out=row)
     data = _functions(replace(frf, value=value))
-    fit = replace(
-        linear_fit(data.frequency, data.value, pole, data.quantity, weight),
-        residual=np.empty((len(data.value), 0), complex),
-    )  # large, and not asked for
+    fit = linear_fit(data.frequency, data.value, pole, data.quantity, weight, with_residual=False)
     owner = np.repeat(np.arange(len(parts)), [r.size for r in kept])
     pole, covariance = _beside_others(data, fit, parts, owner)
-    fit = linear_fit(data.frequency, data.value, pole[rank], data.quantity, weight)
+    fit = linear_fit(data.frequency, data.value, pole[rank], data.quantity, weight, with_residual=False)
 
     def of_runs(name: str) -> NDArray[np.float64]:
         columns = [getattr(one.runs, name)[..., r] for one, r in zip(fits, kept, strict=True)]

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ema.identification.evidence import MIN_COLLINEARITY, MIN_REALNESS, is_split, judge
 from ema.identification.functions import MAX_DAMPING, Functions, resonant
-from ema.identification.maximum_likelihood import (
-    linear_fit,
+from ema.identification.maximum_likelihood import linear_fit
+from ema.identification.mode_columns import (
     mode_basis,
     residual_basis,
     split_coefficients,

@@ -90,12 +90,12 @@ def significance_threshold(n_function: int, n_frequency: int, false_alarm: float
 
 def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdicts:
     """Measure every pole of a fit over its lines, Hz, to functions of a quantity."""
-    covariance = fit.residue_covariance()
+    covariance = fit.covariance_of_each()
     n_function, n_mode = fit.residue.shape
     statistic, collinearity, realness, dominance = np.zeros((4, n_mode))
     exponent = DERIVATIVE[quantity]
     for r, pole in enumerate(fit.pole):
-        block = covariance[:, 2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
+        block = covariance[:, r]
         parts = np.stack([fit.residue[:, r].real, fit.residue[:, r].imag], axis=1)
         statistic[r] = np.einsum("oi,oij,oj->", parts, np.linalg.pinv(block, hermitian=True), parts)
 
@@ -155,13 +155,19 @@ def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
     return slice(start, int(np.clip(centre + reach + 1, start + fewest, frequency.size)))
 
 
-def inflation(residual: NDArray[np.complex128]) -> float:
-    """Spectral density of unit-variance residuals ``(n_function, n_line)`` if it is significantly above 1."""
+def inflation(residual: NDArray[np.complex128], *, at_once: int = 1 << 18) -> float:
+    """Spectral density of unit-variance residuals ``(n_function, n_line)`` if it is significantly above 1.
+
+    `at_once`: values that are transformed at once; transforms take several times their memory.
+    """
     n_function, n_line = residual.shape
     sample = n_function * n_line
-    variance = float(np.mean(np.abs(residual) ** 2))
-    spectrum = np.abs(scipy.fft.fft(residual, 2 * n_line, axis=1)) ** 2
-    covariance = scipy.fft.ifft(spectrum.sum(axis=0)).real[: n_line // 2]
+    spectrum, few = np.zeros(2 * n_line), max(1, at_once // n_line)
+    for first in range(0, n_function, few):
+        some = residual[first : first + few]
+        spectrum += (np.abs(scipy.fft.fft(some, 2 * n_line, axis=1)) ** 2).sum(axis=0)
+    variance = float(spectrum.sum()) / (2 * n_line * sample)  # by Parseval's theorem
+    covariance = scipy.fft.ifft(spectrum).real[: n_line // 2]
     correlation = covariance / covariance[0]
     # four standard deviations of either
     if variance < 1.0 + 4.0 / np.sqrt(sample) and correlation[1] < 4.0 / np.sqrt(2.0 * sample):

@@ -15,7 +15,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.identification.maximum_likelihood import Fit, linear_fit, mode_basis
+from ema.identification.maximum_likelihood import Fit, linear_fit
+from ema.identification.mode_columns import mode_basis
 from ema.types.frf import Quantity
 
 MOST_LINES = 20_000

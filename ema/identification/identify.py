@@ -362,20 +362,29 @@ def _check(frf: FRF, name: str) -> None:
 
 
 def _as_measured(
-    fit: Fit, frf: FRF, quantity: Quantity
+    fit: Fit, frf: FRF, quantity: Quantity, *, at_once: int = 1 << 19
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return noise, correlation and relative error (n_output, n_input) of a fit of `frf` in the measured quantity."""
-    shape = frf.value.shape[:2]
+    """Return noise, correlation and relative error (n_output, n_input) of a fit of `frf` in the measured quantity.
+
+    `at_once`: values of functions that are compared at once.
+    """
+    n_output, n_input, n_line = frf.value.shape
+    shape = n_output, n_input
     square, whole, left, likeness = np.empty((4, *shape))
-    residual = fit.residual.reshape(frf.value.shape)
-    for o in range(shape[0]):  # each output alone: all may be large
-        one = frf.outputs(np.arange(shape[0]) == o)
-        measured = one.convert(quantity).value[0]
-        fitted = replace(one, value=one.value - residual[o]).convert(quantity).value[0]
-        square[o] = np.sum(np.abs(measured - fitted) ** 2, axis=-1)
-        whole[o] = np.sum(np.abs(measured) ** 2, axis=-1)
-        left[o] = np.sum(np.abs(residual[o]) ** 2, axis=-1)
-        likeness[o] = frac(measured, fitted)
+    value = frf.value.reshape(-1, n_line)
+    few = max(1, at_once // (n_input * n_line))
+    for first in range(0, n_output, few):  # some outputs at a time: all may be large
+        outputs = slice(first, min(first + few, n_output))
+        rows = slice(n_input * outputs.start, n_input * outputs.stop)
+        residual = fit.left(rows, frf.frequency, value, frf.quantity).reshape(-1, n_input, n_line)
+        some = frf.outputs(np.isin(np.arange(n_output), np.arange(outputs.start, outputs.stop)))
+        measured = some.convert(quantity).value
+        fitted = replace(some, value=some.value - residual).convert(quantity).value
+        square[outputs] = np.sum(np.abs(measured - fitted) ** 2, axis=-1)
+        whole[outputs] = np.sum(np.abs(measured) ** 2, axis=-1)
+        left[outputs] = np.sum(np.abs(residual) ** 2, axis=-1)
+        for o, pair in enumerate(zip(measured, fitted, strict=True), start=first):
+            likeness[o] = frac(*pair)
     noise = fit.noise.reshape(shape) * np.sqrt(square / left)
     return noise, likeness, np.sqrt(square / whole)
 

@@ -32,131 +32,13 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from ema.types.frf import DERIVATIVE, Quantity
-
-_BLOCK = 8192  # values that are worked on at once: more, and the system makes room for arrays again and again
-_Parts = tuple[NDArray[np.float64], NDArray[np.float64]]
-
-
-def mode_basis(
-    frequency: NDArray[np.float64], pole: NDArray[np.complex128], quantity: Quantity, power: int = 1
-) -> NDArray[np.float64]:
-    """Columns that the real and imaginary parts of the residues multiply.
-
-    Parameters
-    ----------
-    frequency : (n_frequency,) float
-        Lines above 0 Hz.
-    pole : (n_mode,) complex
-        Upper half-plane poles, rad/s.
-    quantity : {"receptance", "mobility", "accelerance"}
-        What the functions are.
-    power : {1, 2}
-        Power of ``1 / (s - pole)``; 2 gives the derivatives with respect to the poles.
-
-    Returns
-    -------
-    (2 n_frequency, 2 n_mode) float
-        Real parts over imaginary parts; for each mode the column of Re A, then that of Im A.
-    """
-    omega, n = 2.0 * np.pi * frequency, frequency.size
-    basis = np.empty((pole.size, 2, 2, n))
-    few = max(1, _BLOCK // n)
-    for k in range(0, pole.size, few):
-        rows, some = basis[k : k + few], pole[k : k + few, None]
-        for row, receptance in enumerate(_columns(omega, some, power)):
-            rows[:, row, 0], rows[:, row, 1] = _derived(omega, receptance, quantity)
-    return basis.reshape(2 * pole.size, 2 * n).T
-
-
-def mode_derivatives(
-    frequency: NDArray[np.float64], rows: NDArray[np.float64], quantity: Quantity
-) -> NDArray[np.float64]:
-    """Return the derivatives of modes with respect to their poles, `mode_basis` with a power of 2, from its columns.
-
-    Parameters
-    ----------
-    frequency : (n_frequency,) float
-        Lines above 0 Hz.
-    rows : (2 n_mode, 2 n_frequency) float
-        The columns of `mode_basis`, as rows.
-    quantity : {"receptance", "mobility", "accelerance"}
-
-    Returns
-    -------
-    (2 n_mode, 2 n_frequency) float
-        Rows in the same order.
-    """
-    n, omega = frequency.size, 2.0 * np.pi * frequency
-    parts, derivatives = rows.reshape(-1, 2, 2, n), np.empty((len(rows) // 2, 2, 2, n))
-    few = max(1, _BLOCK // n)
-    # With p and q = 1 / (s - pole) and its mirror image, p**2 + q**2 and i (p**2 - q**2) from p + q and i (p - q).
-    for k in range(0, len(parts), few):
-        (a, b), (c, d) = parts[k : k + few].transpose(1, 2, 0, 3)
-        pairs = (0.5 * ((a - b) * (a + b) - (c - d) * (c + d)), a * b - c * d), (a * c - b * d, a * d + b * c)
-        for row, receptance in enumerate(pairs):
-            some = derivatives[k : k + few, row]
-            some[:, 0], some[:, 1] = _once(omega, receptance, quantity)
-    return derivatives.reshape(rows.shape)
-
-
-def _once(omega: NDArray[np.float64], square: _Parts, quantity: Quantity) -> _Parts:
-    """Return products of two functions of a quantity divided by ``s**p``, so that they are of the quantity again."""
-    real, imaginary = square
-    if quantity == "mobility":
-        return imaginary / omega, -real / omega
-    return (-real / omega**2, -imaginary / omega**2) if quantity == "accelerance" else square
-
-
-def _columns(omega: NDArray[np.float64], pole: NDArray[np.complex128], power: int) -> tuple[_Parts, _Parts]:
-    """Real and imaginary parts ``(n_mode, n_frequency)`` of what Re A and Im A multiply in a receptance.
-
-    They are 2 (s - decay) / D and -2 own / D with D = (s - pole) (s - conj(pole)), in real arithmetic: complex
-    divisions take several times as long. No nearly equal numbers are subtracted but the frequencies.
-    """
-    decay, rotation = pole.real, pole.imag
-    re, im = decay**2 - (omega - rotation) * (omega + rotation), (-2.0 * decay) * omega
-    double = 2.0 / (re * re + im * im)
-    a, b = (omega * omega + (decay**2 + rotation**2)) * (-decay * double), (omega * re + decay * im) * double
-    c, d = re * (-rotation * double), im * (rotation * double)
-    if power == 1:
-        return (a, b), (c, d)
-    # With p and q = 1 / (s - pole) and its mirror image, p**2 + q**2 and i (p**2 - q**2) from p + q and i (p - q).
-    return (0.5 * (a * a - b * b - c * c + d * d), a * b - c * d), (a * c - b * d, a * d + b * c)
-
-
-def _derived(omega: NDArray[np.float64], receptance: _Parts, quantity: Quantity) -> _Parts:
-    real, imaginary = receptance
-    if quantity == "mobility":
-        return -omega * imaginary, omega * real
-    square = omega * omega
-    return (-square * real, -square * imaginary) if quantity == "accelerance" else receptance
-
-
-def residual_basis(frequency: NDArray[np.float64], quantity: Quantity) -> NDArray[np.float64]:
-    """Columns of Re lower, Im lower, Re upper, Im upper, ``(2 n_frequency, 4)``, as in `mode_basis`."""
-    s = 2j * np.pi * frequency
-    exponent = DERIVATIVE[quantity]
-    lower, upper = s ** (exponent - 2), s**exponent
-    return _stack(np.stack([lower, 1j * lower, upper, 1j * upper], axis=1))
-
-
-def stack_functions(value: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Stack functions ``(n_function, n_frequency)`` as columns, real parts over imaginary ones."""
-    return _stack(value.T)
-
-
-def _stack(value: NDArray[np.complex128]) -> NDArray[np.float64]:
-    return np.concatenate([value.real, value.imag])
-
-
-def split_coefficients(
-    coefficient: NDArray[np.float64],
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
-    """Read residues ``(n_function, n_mode)``, lower and upper ``(n_function,)`` from the solution."""
-    complex_rows = coefficient[0::2] + 1j * coefficient[1::2]
-    return complex_rows[:-2].T, complex_rows[-2], complex_rows[-1]
-
+from ema.identification.mode_columns import (
+    mode_basis,
+    mode_derivatives,
+    residual_basis,
+    split_coefficients,
+)
+from ema.types.frf import Quantity
 
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
@@ -184,7 +66,7 @@ class Fit:
     weight : (n_function, n_frequency) float
         Assumed inverse variances relative to ``noise**2``, of geometric mean 1.
     residual : (n_function, n_frequency) complex
-        Measured less fitted functions.
+        Measured less fitted functions; (n_function, 0) of a fit that does not hold them, see `left`.
     linear_covariance : (1 or n_function, 2 n_mode, 2 n_mode) float
         Covariance of Re and Im of the residues at fixed poles for unit ``noise``; one for all functions where
         they have the same weights.
@@ -210,10 +92,54 @@ class Fit:
         """Return residuals on some lines over their assumed standard deviations, ``(n_function, n_line)``."""
         return self.residual[:, lines] * np.sqrt(self.weight[:, lines]) / self.noise[:, None]
 
+    def left(
+        self,
+        rows: slice,
+        frequency: NDArray[np.float64],
+        value: NDArray[np.complex128],
+        quantity: Quantity,
+    ) -> NDArray[np.complex128]:
+        """Return what the fit leaves of some of its functions, ``(n, n_frequency)``, made anew where it is not held.
+
+        Parameters
+        ----------
+        rows : slice
+            Which functions.
+        frequency : (n_frequency,) float
+            Lines of the fit, Hz.
+        value : (n_function, n_frequency) complex
+            What was fitted.
+        quantity : {"receptance", "mobility", "accelerance"}
+            What the functions are.
+        """
+        if self.residual.shape[1]:
+            return self.residual[rows]
+        linear = np.hstack([self.residue[rows], self.lower[rows, None], self.upper[rows, None]]).T
+        coefficient = np.stack([linear.real, linear.imag], axis=1).reshape(-1, linear.shape[1])
+        columns = mode_basis(frequency, self.pole, quantity), residual_basis(frequency, quantity)
+        fitted = columns[0] @ coefficient[:-4] + columns[1] @ coefficient[-4:]
+        left = np.array(value[rows])
+        left.real -= fitted[: frequency.size].T
+        left.imag -= fitted[frequency.size :].T
+        return left
+
     def residue_covariance(self) -> NDArray[np.float64]:
         """Covariance ``(n_function, 2 n_mode, 2 n_mode)`` of the residues' parts, poles' scatter included."""
         fixed = self.noise[:, None, None] ** 2 * self.linear_covariance
         return fixed + self.sensitivity @ self.pole_covariance @ self.sensitivity.swapaxes(1, 2)
+
+    def covariance_of_each(self) -> NDArray[np.float64]:
+        """Covariance ``(n_function, n_mode, 2, 2)`` of both parts of each residue: blocks of `residue_covariance`."""
+        n_function, n_row, n_pole = self.sensitivity.shape
+        by_pole = (self.sensitivity.reshape(n_function * n_row, n_pole) @ self.pole_covariance).reshape(
+            n_function, n_row, n_pole
+        )
+        blocks = np.empty((n_function, n_row // 2, 2, 2))
+        for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            fixed = np.diagonal(self.linear_covariance[:, a::2, b::2], axis1=1, axis2=2)
+            moving = np.einsum("orf,orf->or", by_pole[:, a::2], self.sensitivity[:, b::2])
+            blocks[:, :, a, b] = self.noise[:, None] ** 2 * fixed + moving
+        return blocks
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -308,9 +234,7 @@ class _Equations:
 
     information: NDArray[np.float64]  # Fisher information of Re and Im of the poles, (2 n_mode, 2 n_mode)
     pull: NDArray[np.float64]  # of each function on them, (n_function, 2 n_mode)
-    maps: NDArray[
-        np.float64
-    ]  # from poles to what multiplies the derivatives, (n_function, 2 n_mode, 2 n_mode)
+    residue: NDArray[np.complex128]  # what moving poles multiplies their derivatives by, (n_function, n_mode)
     along: NDArray[np.float64]  # derivatives in the basis, (1 or n_function, 2 n_mode + 4, 2 n_mode)
 
 
@@ -370,10 +294,15 @@ def linear_fit(
     pole: NDArray[np.complex128],
     quantity: Quantity,
     weight: NDArray[np.float64] | None = None,
+    *,
+    with_residual: bool = True,
 ) -> Fit:
-    """Fit residues and residual terms at fixed poles; the covariance is that of `refine` at these poles."""
+    """Fit residues and residual terms at fixed poles; the covariance is that of `refine` at these poles.
+
+    Without its residual a fit of large functions takes little memory beside them.
+    """
     target = _Target.of(frequency, value, quantity, weight)
-    return _finish(target, _project(target, pole))
+    return _finish(target, _project(target, pole), with_residual=with_residual)
 
 
 def _likelier(
@@ -420,7 +349,7 @@ def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
             part = basis.turn @ (basis.rows @ value.T)
         else:
             weight = target.weights(block)
-            normal = np.stack([_gram(basis.rows * root) for root in np.sqrt(weight)])
+            normal = np.stack([_gram(basis.rows * np.sqrt(row)) for row in weight])
             inverse = np.asarray(np.linalg.inv(basis.turn @ normal @ basis.turn.T))
             part = (inverse @ (basis.turn @ (basis.rows @ (weight * value).T)).T[..., None])[..., 0].T
         remainder = _remainder(basis, part, value)
@@ -520,7 +449,7 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
     else:
         n_basis = len(basis.rows)
         both = np.concatenate([basis.rows, tangent])
-        whole = np.stack([_gram(both * np.tile(root, 2)) for root in np.sqrt(target.weight)])
+        whole = np.stack([_gram(both * np.tile(np.sqrt(row), 2)) for row in target.weight])
         cross = basis.turn @ whole[:, :n_basis, n_basis:]
         more = state.inverse @ cross
         gram = whole[:, n_basis:, n_basis:] - cross.swapaxes(1, 2) @ more
@@ -528,35 +457,52 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
         seen = np.hstack(
             [tangent @ (target.weights(block) * _left(target, state, block)).T for block in target.blocks]
         )  # (2 n_mode, n_function)
-    n_mode, n_function = state.pole.size, len(target.value)
-    real, imaginary = state.coefficient[0 : 2 * n_mode : 2], state.coefficient[1 : 2 * n_mode : 2]
-    # Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
-    maps = np.zeros((n_function, 2 * n_mode, 2 * n_mode))
-    r = np.arange(n_mode)
-    maps[:, 2 * r, 2 * r] = real.T
-    maps[:, 2 * r + 1, 2 * r] = imaginary.T
-    maps[:, 2 * r, 2 * r + 1] = -imaginary.T
-    maps[:, 2 * r + 1, 2 * r + 1] = real.T
+    residue = split_coefficients(state.coefficient)[0][:, : state.pole.size]
     weight = 2.0 / state.variance
-    flat = n_function * 2 * n_mode, 2 * n_mode
-    information = (weight[:, None, None] * maps).reshape(flat).T @ (gram @ maps).reshape(flat)
-    pull = weight[:, None] * (seen.T[:, None, :] @ maps)[:, 0]
-    return _Equations(information=information, pull=pull, maps=maps, along=along)
+    pull = weight[:, None] * _turned(seen.T[:, None, :], residue)[:, 0]
+    information = _turned_sum(weight[:, None, None] * _turned(gram, residue), residue)
+    return _Equations(information=information, pull=pull, residue=residue, along=along)
+
+
+def _turned(matrix: NDArray[np.float64], residue: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return matrices (1 or n_function, n, 2 n_mode) with each pair of columns turned by a residue, of each function.
+
+    Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
+    """
+    real, imaginary = residue.real[:, None], residue.imag[:, None]
+    first, second = matrix[..., 0::2], matrix[..., 1::2]
+    turned = np.empty((len(residue), *matrix.shape[1:]))
+    turned[..., 0::2] = first * real + second * imaginary
+    turned[..., 1::2] = second * real - first * imaginary
+    return turned
+
+
+def _turned_sum(matrix: NDArray[np.float64], residue: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the sum over functions of matrices, (n_function, 2 n_mode, n), with pairs of rows turned likewise."""
+    total = np.empty(matrix.shape[1:])
+    first, second = matrix[:, 0::2], matrix[:, 1::2]
+
+    def times(part: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.einsum("or,orf->rf", part, rows))
+
+    total[0::2] = times(residue.real, first) + times(residue.imag, second)
+    total[1::2] = times(residue.real, second) - times(residue.imag, first)
+    return total
 
 
 def _positive(matrix: NDArray[np.float64]) -> bool:
     return not matrix.size or lapack.dpotrf(matrix, lower=1)[1] == 0
 
 
-def _finish(target: _Target, state: _Projection) -> Fit:
+def _finish(target: _Target, state: _Projection, *, with_residual: bool = True) -> Fit:
     """Return the fit at the poles of a projection, with its covariance."""
     equations = _normal_equations(target, state)
     information = equations.information
     triangle = state.basis.onto.T[: 2 * state.pole.size]
     residue, lower, upper = split_coefficients(state.coefficient)
     n_frequency = target.frequency.size
-    residual = np.empty(target.value.shape, complex)
-    for block in target.blocks:
+    residual = np.empty((len(target.value), n_frequency if with_residual else 0), complex)
+    for block in target.blocks if with_residual else ():
         left = _left(target, state, block)
         residual[block].real, residual[block].imag = left[:, :n_frequency], left[:, n_frequency:]
     scale = np.sqrt(np.diag(information))
@@ -568,9 +514,9 @@ def _finish(target: _Target, state: _Projection) -> Fit:
         lower=lower,
         upper=upper,
         noise=np.sqrt(state.variance),
-        weight=np.broadcast_to(target.weight, residual.shape),
+        weight=np.broadcast_to(target.weight, target.value.shape),
         residual=residual,
         linear_covariance=0.5 * triangle @ state.inverse @ triangle.T,
-        sensitivity=-(triangle @ equations.along) @ equations.maps,
+        sensitivity=_turned(-(triangle @ equations.along), equations.residue),
         objective=state.objective,
     )

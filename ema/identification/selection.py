@@ -81,10 +81,10 @@ def select_modes(
     left : tuple of (Peak, str)
         Peaks that stay unexplained, each with the reason why it was not taken in.
     """
-    fit = _without_images(data, _refined(data, _screened(data, candidates), band), band, _NONE)
-    first = fit.pole
-    fit = _with_further_modes(data, fit, candidates, band)
-    fit = _without_images(data, _refined(data, fit.pole, band), band, first)
+    first = _without_images(data, _refined(data, _screened(data, candidates), band), band, _NONE).pole
+    # Fits are large: none is held beside those that are made after it.
+    further = _with_further_modes(data, data.linear_fit(first), candidates, band).pole
+    fit = _without_images(data, _refined(data, further, band), band, first)
     fit, left = take_in_peaks(data, fit, candidates, band)
     return *_run_by_run_borne_out(data, fit, candidates, band), left
 

@@ -123,7 +123,10 @@ def _between(known: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
 
 
 def lscf_poles(
-    frequency: NDArray[np.float64], value: NDArray[np.complex128], order: int
+    frequency: NDArray[np.float64],
+    value: NDArray[np.complex128],
+    order: int,
+    scale: NDArray[np.float64] | None = None,
 ) -> list[NDArray[np.complex128]]:
     """Return the upper half-plane poles of every model order up to `order`.
 
@@ -135,10 +138,11 @@ def lscf_poles(
         its conjugate. Else the lines are mapped on the full circle with complex coefficients, so that a
         narrow band far from 0 Hz is as well conditioned as a full one.
     value : (n_output, n_reference, n_frequency) complex
-        Functions to fit; the references share the matrix denominator. Each function weighs as it is: scale
-        them beforehand where one should not dominate.
+        Functions to fit; the references share the matrix denominator.
     order : int
         Highest model order, the number of poles in the band per reference.
+    scale : (n_output, n_reference) float, optional
+        What each function is divided by, so that none dominates; each weighs as it is where not given.
 
     Returns
     -------
@@ -159,7 +163,9 @@ def lscf_poles(
     theta = circle.angle(frequency)
     poles = []
     root = np.empty(0, dtype=complex)
-    for coefficient in _denominators(theta, circle.weight(theta), value, step * order, step, real=half):
+    scale = np.ones(value.shape[:2]) if scale is None else scale
+    weight = circle.weight(theta)
+    for coefficient in _denominators(theta, weight, value, scale, step * order, step, real=half):
         root = _roots(coefficient, root)
         pole = circle.pole(root)
         poles.append(pole[pole.imag > 0.0])
@@ -217,11 +223,12 @@ def _denominators(
     theta: NDArray[np.float64],
     weight: NDArray[np.float64],
     value: NDArray[np.complex128],
+    scale: NDArray[np.float64],
     degree: int,
     step: int,
     *,
     real: bool,
-    at_once: int = 1 << 20,
+    at_once: int = 1 << 18,
 ) -> list[NDArray[Any]]:
     """Solve for the denominators ``(k, m, m)`` of every degree ``k``, the monic coefficient left out.
 
@@ -233,7 +240,7 @@ def _denominators(
     cross_power, lags = np.zeros((m, m, n_frequency), complex), []
     few = max(1, at_once // (m * n_frequency))
     for first in range(0, n_output, few):
-        some = value[first : first + few]
+        some = value[first : first + few] / scale[first : first + few, :, None]
         weighted = some * weight
         lags.append(_lags(kernel, weighted.reshape(-1, n_frequency), real=real))
         cross_power += np.einsum("oaf,obf->abf", weighted.conj(), some, optimize=True)
@@ -400,14 +407,24 @@ def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram
         cluster=np.concatenate(numbers),
         chosen=np.concatenate(chosen),
         frequency=frf.frequency,
-        indicator=cmif(_scaled(value)),
+        indicator=_indicator(value),
     )
 
 
-def _scaled(value: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return functions of a mean square of 1, those that are zero as they are."""
-    rms = np.sqrt(np.mean(np.abs(value) ** 2, axis=-1, keepdims=True))
-    return np.asarray(value / np.where(rms > 0.0, rms, 1.0))
+def _indicator(value: NDArray[np.complex128], *, at_once: int = 1 << 18) -> NDArray[np.float64]:
+    """Return the complex mode indicator of functions of a mean square of 1.
+
+    `at_once`: values that are worked on at once.
+    """
+    rms, few = _rms(value)[..., None], max(1, at_once // value[..., 0].size)
+    blocks = range(0, value.shape[-1], few)
+    return np.concatenate([cmif(value[..., start : start + few] / rms) for start in blocks], axis=-1)
+
+
+def _rms(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return the root mean square of each function, (n_output, n_input), 1 of those that are zero."""
+    rms = np.array([[np.sqrt(np.mean(np.abs(one) ** 2)) for one in of_output] for of_output in value])
+    return np.where(rms > 0.0, rms, 1.0)
 
 
 def _of_part(
@@ -419,7 +436,8 @@ def _of_part(
     lower, upper = frequency[part.core.start], frequency[min(part.core.stop, frequency.size - 1)]
     orders: list[NDArray[np.int64]] = []
     poles: list[NDArray[np.complex128]] = []
-    for k, of_order in enumerate(lscf_poles(lines, _scaled(value[..., part.lines]), order), start=1):
+    there = value[..., part.lines]
+    for k, of_order in enumerate(lscf_poles(lines, there, order, _rms(there)), start=1):
         hertz = np.abs(of_order) / (2.0 * np.pi)
         inside = (hertz >= lower) & (hertz <= upper)
         damped = (of_order.real < 0.0) & (-of_order.real <= MAX_DAMPING * np.abs(of_order))

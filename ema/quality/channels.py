@@ -164,8 +164,10 @@ def _axis(frf: FRF) -> Iterator[Verdict]:
         message = "the band holds no more than one frequency line; widen it"
         yield Verdict(check="axis", level="fail", channel=(), band=None, message=message)
     elif not np.isfinite(step).all() or np.abs(step - np.median(step)).max() > 1e-3 * abs(np.median(step)):
-        line = int(np.argmax(np.abs(step - np.median(step))))
-        message = f"the frequency axis is not uniform, first seen at line {line + 1}; resample it before use"
+        message = (
+            f"the frequency axis is not uniform, its steps are {step.min():.4g} to {step.max():.4g} Hz; resample it "
+            "before use"
+        )
         yield Verdict(check="axis", level="fail", channel=(), band=None, message=message)
 
 
@@ -223,6 +225,7 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
     """
     if sound.size < _MIN_OTHERS:
         return
+    products = None  # of all channels with each other, once one is in doubt
     for position, channel in enumerate(sound):
         value = frf.value[channel, 0]
         size = np.abs(value)
@@ -230,7 +233,9 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
         if np.count_nonzero(top) < 4 or np.std(size[top]) > 0.01 * size.max():
             continue
         low = size < 0.8 * size.max()
-        others = _resonances_of_others(frf.value[_beside(sound, position), 0])
+        if products is None:
+            products = inner_products(frf.value[:, 0], sound)
+        others = _resonances_of_others(frf.value[:, 0], sound, _beside(sound.size, position), products)
         if np.count_nonzero(low) <= 2 * len(others):
             continue
         factor = np.linalg.lstsq(others[:, low].T, value[low], rcond=1e-6)[0]
@@ -242,18 +247,44 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
             yield int(channel), share, (float(frf.frequency[lines[0]]), float(frf.frequency[lines[-1]]))
 
 
-def _beside(sound: NDArray[np.int64], position: int) -> NDArray[np.int64]:
-    """Return the channels that one is compared with: all others, of very many those of its group."""
-    group = -(-sound.size // _MOST_OTHERS)
-    return np.delete(sound, position)[position % group :: group] if group > 1 else np.delete(sound, position)
+def _beside(n_sound: int, position: int) -> NDArray[np.int64]:
+    """Return the places of those that a sound channel is compared with: all others, of very many those of its group."""
+    group = -(-n_sound // _MOST_OTHERS)
+    others = np.delete(np.arange(n_sound), position)
+    return others[position % group :: group] if group > 1 else others
 
 
-def _resonances_of_others(block: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return what channels (n, n_frequency) are made of: orthonormal functions of frequency."""
-    size = np.linalg.norm(block, axis=1, keepdims=True)
-    block = block / np.where(size > 0, size, 1.0)
-    singular, vectors = _made_of(inner_products(block))
-    return np.asarray((vectors.conj().T @ block) / singular[:, None])
+def _resonances_of_others(
+    value: NDArray[np.complex128],
+    sound: NDArray[np.int64],
+    beside: NDArray[np.int64],
+    products: NDArray[np.complex128],
+    *,
+    lines: int = 1024,
+) -> NDArray[np.complex128]:
+    """Return what channels are made of: orthonormal functions of frequency, (n, n_frequency).
+
+    Parameters
+    ----------
+    value : (n_channel, n_frequency) complex
+        All functions.
+    sound, beside : (n_sound,), (n_beside,) int
+        Those that are sound, and the places among these of those that are asked about.
+    products : (n_sound, n_sound) complex
+        Inner products of the sound ones.
+    lines : int
+        Worked on at a time: a copy of all functions would be large.
+    """
+    among = products[np.ix_(beside, beside)]
+    size = np.sqrt(np.diag(among).real)
+    scale = np.where(size > 0, size, 1.0)
+    singular, vectors = _made_of(among / np.outer(scale, scale))
+    turn = vectors.conj().T / (singular[:, None] * scale)
+    made_of = np.empty((len(turn), value.shape[1]), complex)
+    for start in range(0, value.shape[1], lines):
+        part = slice(start, start + lines)
+        made_of[:, part] = turn @ value[sound[beside], part]
+    return made_of
 
 
 def _made_of(products: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
@@ -271,15 +302,14 @@ def _made_of(products: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDA
     return singular[:n], vectors[:, ::-1][:, :n]
 
 
-def _shares_outside(value: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Return which share of the power of each channel, (n, n_frequency), is not in the resonances of the others."""
-    products = inner_products(value)
+def _shares_outside(products: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """Return which share of the power of each channel is not in the resonances of the others, from inner products."""
     size = np.sqrt(np.diag(products).real)
     scale = np.where(size > 0, size, 1.0)
     products = products / np.outer(scale, scale)
-    share = np.empty(len(value))
-    for k in range(len(value)):
-        others = np.delete(np.arange(len(value)), k)
+    share = np.empty(len(products))
+    for k in range(len(products)):
+        others = np.delete(np.arange(len(products)), k)
         singular, vectors = _made_of(products[np.ix_(others, others)])
         outside = np.abs(vectors.conj().T @ products[others, k]) / singular
         share[k] = 1.0 - np.sum(outside**2) / max(products[k, k].real, np.finfo(float).tiny)
@@ -300,7 +330,7 @@ def _unshared(
     share = np.empty(sound.size)
     groups = -(-sound.size // _MOST_OTHERS)
     for first in range(groups):
-        share[first::groups] = _shares_outside(frf.value[sound[first::groups], 0])
+        share[first::groups] = _shares_outside(inner_products(frf.value[:, 0], sound[first::groups]))
     usual = float(np.median(share))
     for channel, part in zip(sound, share, strict=True):
         text = f"{100 * part:.0f} % of its power is not in the resonances of the other channels"

@@ -68,13 +68,16 @@ def in_blocks(channels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         yield channels[start : start + BLOCK]
 
 
-def inner_products(value: NDArray[np.complex128], *, lines: int = 1024) -> NDArray[np.complex128]:
-    """Return the inner products, (n, n), of functions (n, n_frequency), without a copy of all of them.
+def inner_products(
+    value: NDArray[np.complex128], rows: NDArray[np.int64] | None = None, *, lines: int = 1024
+) -> NDArray[np.complex128]:
+    """Return the inner products, (n, n), of functions (n_all, n_frequency), without a copy of all of them.
 
-    `lines`: worked on at a time.
+    `rows`: of which functions, all where not given. `lines`: worked on at a time.
     """
-    total = np.zeros((len(value), len(value)), complex)
+    n = len(value) if rows is None else rows.size
+    total = np.zeros((n, n), complex)
     for start in range(0, value.shape[1], lines):
-        part = value[:, start : start + lines]
+        part = value[slice(None) if rows is None else rows, start : start + lines]
         total += part @ part.conj().T
     return total

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from ema.identification.functions import misfit_weight
-from ema.identification.maximum_likelihood import linear_fit, mode_basis, refine
+from ema.identification.maximum_likelihood import linear_fit, refine
+from ema.identification.mode_columns import mode_basis
 
 F = np.arange(50.0, 350.0, 0.5)
 POLE = 2 * np.pi * np.array([100.0, 104.0, 240.0]) * (-0.01 + 1j)
@@ -110,3 +111,27 @@ def test_weights_are_of_geometric_mean_1():
     rng = np.random.default_rng(2)
     value, residual = rng.standard_normal((2, 3, 200)) * [[[1.0]], [[0.1]]] + 0j
     np.testing.assert_allclose(np.mean(np.log(misfit_weight(value, residual)), axis=1), 0.0, atol=1e-12)
+
+
+def test_blocks_of_the_covariance_are_those_of_all_of_it():
+    rng = np.random.default_rng(3)
+    value = np.stack([np.ones(F.size) / (2j * np.pi * F - p) for p in POLE])
+    value = value + 0.01 * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
+    fit = linear_fit(F, value, POLE, "receptance")
+    whole = fit.residue_covariance()
+    for r in range(POLE.size):
+        own = whole[:, 2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
+        np.testing.assert_allclose(fit.covariance_of_each()[:, r], own, rtol=1e-10)
+
+
+def test_what_a_fit_does_not_hold_is_made_anew():
+    rng = np.random.default_rng(4)
+    value = np.stack([np.ones(F.size) / (2j * np.pi * F - p) for p in POLE])
+    value = value + 0.01 * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
+    held = linear_fit(F, value, POLE, "receptance")
+    without = linear_fit(F, value, POLE, "receptance", with_residual=False)
+    assert without.residual.size == 0
+    rows = slice(1, 3)
+    np.testing.assert_allclose(
+        without.left(rows, F, value, "receptance"), held.left(rows, F, value, "receptance"), atol=1e-12
+    )

@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from ema.identification.stabilization import lscf_poles
+from ema.types.geometry import Dofs
 
 pytestmark = pytest.mark.benchmark
+NONE = "not automatic"
 
 
 ALONE = """
@@ -88,10 +91,58 @@ def test_speed_beside_sdypy(sets, peers, report, tmp_path: Path):
         "whole identification, intervals included",
         "what sdypy-EMA takes for poles alone, 300 MB",
         f"{seconds:.2f} s, {peak:.0f} MB in a process of its own",
-        "not automatic",
-        "not automatic",
+        NONE,
+        NONE,
     )
     assert ratio >= 3.0
     assert difference < 1e-8
     assert seconds < min(theirs)
     assert peak < 300.0
+
+
+def of_runs(sets, n_run: int, per_run: int, rng: np.random.Generator):
+    """Return functions of roving runs, each with natural frequencies of its own that are off by some 0.1 %."""
+    few = replace(sets, n=n_run * per_run, lines=sets.lines[:1601])
+    whole, truth = few.noisy(rng, few.frequency / 2.5, few.damping, 0.01)
+    run, value = np.repeat(np.arange(n_run), per_run), np.array(whole.value[:, 0])
+    for number in range(n_run):
+        moved = truth.frequency * (1.0 + 1e-3 * rng.standard_normal(truth.frequency.size))
+        of_run, _ = few.noisy(rng, moved, truth.damping, 0.01, phi=truth.shape)
+        value[run == number] = of_run.value[run == number, 0]
+    return few, few.block(value, "accelerance", 0, run)
+
+
+def seconds_of(few, frf) -> float:
+    start = time.process_time()
+    few.identified(frf)
+    return time.process_time() - start
+
+
+def test_runs_cost_no_more_than_linear_time(sets, report):
+    rng = np.random.default_rng(11)
+    few, many = (seconds_of(*of_runs(sets, n_run, 3, rng)) for n_run in (5, 20))
+    report(
+        "20 roving runs of 3 sensors", "4 times 5 runs", f"{many:.1f} s, {many / few:.1f} times", NONE, NONE
+    )
+    assert many < 1.2 * 4 * few
+
+
+def test_a_roving_hammer_takes_a_minute(sets, report):
+    """Of 74 points and 3 sensors, 222 functions of 1601 lines, as one run."""
+    few = replace(sets, n=74, lines=np.arange(1601) * 0.125 + 0.125)
+    rng = np.random.default_rng(12)
+    frequency = np.array([18.9, 40.1, 87.8, 89.6, 97.1, 105.2, 118.0, 125.5, 130.0, 135.0, 143.5, 166.3])
+    damping = np.array([34, 31, 47, 36, 16, 10, 44, 43, 84, 89, 65, 12]) * 1e-4
+    phi = np.stack([np.cos(k * np.pi * np.linspace(0, 1, few.n)) for k in range(1, 13)], axis=1)
+    phi = phi + 0.15 * rng.standard_normal(phi.shape)
+    value = np.stack(
+        [few.noisy(rng, frequency, damping, 0.02, phi=phi, drive=k)[0].value[:, 0] for k in (3, 30, 60)],
+        axis=1,
+    )
+    z = np.tile([0.0, 0.0, 1.0], (3, 1))
+    frf = replace(
+        few.block(value[:, 0], "accelerance", 3), value=value, input=Dofs(node=[3, 30, 60], direction=z)
+    )
+    seconds = seconds_of(few, frf)
+    report("222 functions of 1601 lines", "60 s", f"{seconds:.1f} s", NONE, NONE)
+    assert seconds < 60.0
