@@ -67,7 +67,8 @@ def test_a_command_begins_without_what_it_may_need_later():
     [
         ("new", {"scipy", "model.stack.stack", "updating.results"}),
         ("ema", {"scipy.optimize", "scipy.special", "scipy.ndimage", "model.elements", "updating.fitting"}),
-        ("model", {"scipy.interpolate", "scipy.ndimage"}),
+        ("model", {"scipy.interpolate", "scipy.optimize", "updating.diagnosis", "updating.virtual"}),
+        ("effects", {"scipy.interpolate", "scipy.optimize", "updating.diagnosis", "updating.virtual"}),
         ("fit", {"scipy.interpolate", "scipy.optimize", "updating.report", "updating.commands.diagnose"}),
         ("diagnose", {"scipy.interpolate", "scipy.ndimage", "updating.report", "updating.changes"}),
         ("report", {"scipy.optimize", "updating.report.page", "updating.workbench", "updating.commands.fit"}),

@@ -13,6 +13,7 @@ from ema.campaign.campaign import read_campaign
 from updating.errors import StoreError
 from updating.results.store import write_result
 from updating.workbench.identification_panel import toggled, write_identification
+from updating.workbench.measurement_panel import sources
 from updating.workbench.opened import Command, find, followed
 from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response
 
@@ -106,6 +107,16 @@ def test_band_and_order_are_written_and_all_else_in_the_campaign_file_stays(tmp_
     path.write_text("name = ", encoding="utf-8")
     with pytest.raises(StoreError, match=r"campaign.toml: cannot be read"):
         write_identification(path, (40.0, 900.0), 30)
+
+
+def test_files_in_the_folder_of_the_campaign_are_named_from_there(tmp_path):
+    frf = SimpleNamespace(
+        output=SimpleNamespace(node=np.array([1, 2]), name=lambda o: f"{o + 1}+z"),
+        run=np.array([0, 0]),
+        source=(f"{tmp_path / 'M1' / 'run_01.uff'}: data set 1", "/elsewhere/run_02.uff: data set 1"),
+    )
+    assert sources(frf, 1, tmp_path) == [f"1+z: run 1, {Path('M1', 'run_01.uff')}: data set 1"]
+    assert sources(frf, 2, tmp_path) == ["2+z: run 1, /elsewhere/run_02.uff: data set 1"]
 
 
 def test_of_lines_of_progress_the_page_keeps_the_last():

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from rich.console import Console
@@ -43,13 +43,13 @@ from model.stack.stack_file import stack_inputs
 from updating.commands.terminal import OUT, bar
 from updating.correlation.correlation import correlate
 from updating.correlation.criteria import class_grid, shape_classes
-from updating.diagnosis.matrices_answer import MatricesFit, fit_matrices, modes_at
-from updating.diagnosis.signature import Signature, signature, signature_figure
 from updating.results.identified import Assignment, Identified, identified
 from updating.results.store import kept, write_bytes, write_result
 from updating.results.text import Z95, quantity
-from updating.virtual.campaign import write_virtual_test
-from updating.virtual.vibration_test import read_virtual_test
+
+if TYPE_CHECKING:
+    from updating.diagnosis.matrices_answer import MatricesFit
+    from updating.diagnosis.signature import Signature
 
 _WIDTH = 98
 
@@ -102,6 +102,8 @@ def explain(
         progress.advance(task)
         found = None
         if stack_file is not None and not faults:
+            from updating.diagnosis.signature import signature, signature_figure
+
             found = signature(read_stack(stack_file), effect)
             if output is not None:
                 write_bytes(output / f"{effect.name}.png", as_png(signature_figure(found)))
@@ -231,6 +233,8 @@ def identify_and_fit_matrices(
     found = identified(assigned)
     inputs = (assigned.campaign.path, *matrices_inputs(file), found.folder / "modal_model.json")
 
+    from updating.diagnosis.matrices_answer import MatricesFit, fit_matrices
+
     def make() -> MatricesFit:
         return fit_matrices(read_matrices(file), found.modal_model, threshold=threshold)
 
@@ -259,6 +263,8 @@ def solve_matrices(file: Path, output: Path, n_mode: int, console: Console) -> T
             message = f"{file}: no mode below reduction.band_Hz = {structure.band_Hz:g}; raise it"
             raise MatricesError(message)
         none = np.zeros((0, inside.size))
+        from updating.diagnosis.matrices_answer import modes_at
+
         modes = modes_at(inside, np.zeros(inside.size), none, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
         write_result(output / "modes.json", modes, inputs=matrices_inputs(file), options={"n_mode": n_mode})
         progress.advance(task)
@@ -455,5 +461,8 @@ def pressure_table(pressure: PressureSummary) -> Table:
 @single_threaded
 def simulate_command(specification: Path, output: Path, effect_file: Sequence[Path]) -> None:
     """Simulate a vibration test, and say where its campaign file is."""
+    from updating.virtual.campaign import write_virtual_test
+    from updating.virtual.vibration_test import read_virtual_test
+
     write_virtual_test(read_virtual_test(specification, effect_file), output)
     OUT.print(f"Campaign: {output / 'campaign.toml'}")

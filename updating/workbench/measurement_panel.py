@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -183,10 +185,13 @@ def modes_rows(tested: Tested) -> list[dict[str, str]]:
     ]  # fmt: skip
 
 
-def sources(frf: FRF, point: int) -> list[str]:
-    """Return which file each function of a point comes from."""
+def sources(frf: FRF, point: int, folder: Path) -> list[str]:
+    """Return which file each function of a point comes from, those in the campaign's folder as seen from there."""
     own = np.flatnonzero(frf.output.node == point)
-    return [f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o]}" for o in own]
+    here = f"{folder.resolve()}{os.sep}"
+    return [
+        f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o].removeprefix(here)}" for o in own
+    ]
 
 
 def panel(server: Any, opened: Opened) -> None:
@@ -228,7 +233,7 @@ def panel(server: Any, opened: Opened) -> None:
         if tested.has_functions:
             frf = tested.frf()
             state.functions = figure(functions_chart(tested, frf, point))
-            state.files = sources(frf.by_reciprocity(), point)
+            state.files = sources(frf.by_reciprocity(), point, opened.campaign.parent)
         else:
             state.functions, state.files = empty(), [f"None: {tested.no_functions}"]
         state.about, state.others = findings(tested, point)
