@@ -330,6 +330,7 @@ def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
     page.locator("#diagnose").click()
     page.wait_for_selector("#stop")
     assert page.locator("#fit").is_disabled()
+    says(page, "#said", " s)")  # it has begun
     page.locator("#stop").click()
     says(page, "#said", "Stopped.")
     said = page.locator("#said").text_content()

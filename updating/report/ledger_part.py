@@ -275,13 +275,8 @@ def _row(
 
 def _matrices_moved(tested: Tested) -> list[tuple[Moved, bool]]:
     """Return what a fit of matrices moved, and whether it ended at a bound; nothing of a fit of a stack."""
-    if tested.fit is None or tested.stack_fit is not None:
-        return []
-    # With all of a diagnosis, which few reports need.
-    from updating.diagnosis.matrices_answer import MatricesFit
-
-    assert isinstance(tested.fit, MatricesFit)
-    return [(own, own.name in tested.fit.at_bound) for own in tested.fit.moved]
+    fit = tested.matrices_fit
+    return [] if fit is None else [(own, own.name in fit.at_bound) for own in fit.moved]
 
 
 def _moved_row(fitted_to: str, own: Moved, *, at_bound: bool) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ema.campaign.campaign import Campaign, Configuration
 from ema.modal.change import Change
@@ -22,6 +22,9 @@ from updating.results.ledger import Entry, Ledger
 from updating.results.pooled import PooledDiagnosis
 from updating.results.store import file_digest, folder_name, is_intact, read_document, read_frf, read_result
 from updating.results.what_changed import WhatChanged
+
+if TYPE_CHECKING:
+    from updating.diagnosis.matrices_answer import MatricesFit
 
 T = TypeVar("T")
 _MADE = ("modal_model.json", "measurement.npz")
@@ -103,9 +106,19 @@ class Tested:
         return self.fit if isinstance(self.fit, Fit) else None
 
     @property
+    def matrices_fit(self) -> MatricesFit | None:
+        """The fit, where it is that of matrices."""
+        if self.fit is None or isinstance(self.fit, Fit):
+            return None
+        # With all of a diagnosis, which few results need.
+        from updating.diagnosis.matrices_answer import MatricesFit
+
+        return self.fit if isinstance(self.fit, MatricesFit) else None
+
+    @property
     def has_parameters(self) -> bool:
         """Whether parameters of a model were fitted to this configuration alone."""
-        return self.opt is not None or (self.fit is not None and self.stack_fit is None)
+        return self.opt is not None or self.matrices_fit is not None
 
     @property
     def shown(self) -> ModelFit | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,7 +21,7 @@ CHANGES = {
 }
 """Commands that put other results in the place of those that are shown, and what is said meanwhile."""
 
-_END = {0: "Done.", 130: "Stopped."}
+_END = {0: "Done.", 130: "Stopped.", -signal.SIGTERM: "Stopped before it began."}
 """What is said at the end of a command, by its exit code; one that is stopped says itself what is kept."""
 
 _STALE = "{ stale: stale }"
