@@ -23,7 +23,7 @@ from model.stack.effect import Effect
 _EFFECTS_AT_ONCE = 8  # in one sample of the modes over z
 _SHARE = 0.75  # of its nominal strength, that an effect has in these samples
 _N_TRIAL = 21  # over a range of which some terms act over a part alone
-_ENERGY = 1e-3  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
+_ENERGY = 3e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
 _RANK = 1e-8  # singular values below this share of the largest are rounding
 _DEPTH = 2  # answers to forces, and to the inertia of these: what modes far above the measured ones add is small then
 

@@ -36,7 +36,6 @@ N_MODEL = 20
 """Modes, rigid-body modes included, that the reduced model is made for."""
 MESSAGES = 8
 """In which work is sent to other processes: each holds a model, some 40 MB."""
-_Z_TOLERANCE = 3e-5  # of frequencies by the through-thickness basis: less than measured modes scatter
 DIMENSIONS = ("length", "width", "height")
 _RESIZED = 1e-6  # relative change of a dimension from which its influence is taken
 _FINER = 5 / 3  # elements along each side of the finer mesh; with fewer, some stay as long
@@ -116,7 +115,6 @@ def candidate_model(
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
         local=[effect for effect in possible.values() if effect.n_sampled],
-        z_tolerance=_Z_TOLERANCE,
     )
     return CandidateModel(
         stack=base,

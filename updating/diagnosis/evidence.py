@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from ema.modal.mac import mac
 
@@ -163,7 +163,9 @@ def pair(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pair measured with modelled modes by MAC less a small penalty for distance in frequency."""
     far = np.abs(np.log(frequency[:, None] / modelled_frequency))
-    row, column = linear_sum_assignment(mac(shape, modelled_shape) - np.minimum(far, 0.5), maximize=True)
+    row, column = scipy.optimize.linear_sum_assignment(
+        mac(shape, modelled_shape) - np.minimum(far, 0.5), maximize=True
+    )
     return row, column
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from scipy.special import ndtr, ndtri
+import scipy
 
 from updating.inference.explain import Explanation, too_large
 from updating.inference.levels import NAMED, PULLED, SEPARATE
@@ -63,7 +63,7 @@ def _pulled(found: Search) -> bool:
     Of more coordinates than one stack has some are pulled farther by chance.
     """
     base = found.base
-    far = -float(ndtri(ndtr(-PULLED) * min(1.0, _USUAL / base.n_nuisance)))
+    far = -float(scipy.special.ndtri(scipy.special.ndtr(-PULLED) * min(1.0, _USUAL / base.n_nuisance)))
     return any(
         abs(x) > far * c.std
         for c, x in zip(base.coordinates[: base.n_nuisance], base.x, strict=False)

@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from updating.inference.equation_error import Errors
 
@@ -57,7 +57,7 @@ class SizePrior:
 
     def quantile(self, share: float) -> float:
         """Return the size that is not exceeded with some probability."""
-        return float(self.median * np.exp(self.spread * ndtri(share)))
+        return float(self.median * np.exp(self.spread * scipy.special.ndtri(share)))
 
     @classmethod
     def exactly(cls, size: float) -> SizePrior:

@@ -14,9 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from updating.inference.gradient import Latent
 from updating.inference.protocol import Modal, State
@@ -121,7 +121,7 @@ class Errors:
         Each mode of the model is taken once. It is what is printed; nothing is decided by it.
         """
         part = np.where(self.modelled > 0.0, self.weight**2, -1.0)
-        row, column = linear_sum_assignment(part, maximize=True)
+        row, column = scipy.optimize.linear_sum_assignment(part, maximize=True)
         return np.asarray(0.5 * np.log(self.eigenvalue[row] / self.modelled[row, column]))
 
 

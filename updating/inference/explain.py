@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
+import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from updating.inference.algebra import scaled_inverse, scaled_solve
 from updating.inference.discrepancy import (
@@ -255,7 +255,7 @@ def p_value(size: float, prior: SizePrior) -> float:
     """Return the probability, by its prior, of a discrepancy as large; 1 where a laboratory states its size."""
     if prior.n == 1:
         return 1.0
-    return float(ndtr(-np.log(size / prior.median) / prior.spread))
+    return float(scipy.special.ndtr(-np.log(size / prior.median) / prior.spread))
 
 
 def _otherwise(

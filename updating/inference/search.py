@@ -259,7 +259,8 @@ def search(
             if near and frozenset(one.terms) not in fitted:
                 may_matter = i < likeliest or odds(one) - odds(at) > -behind / 4.0
                 fitted[frozenset(one.terms)] = again(one) if may_matter else one
-        say(f"{len(fitted)} explanations fitted")
+        best = " + ".join(max(fitted.values(), key=odds).terms) or "no effect"
+        say(f"{len(fitted)} explanations fitted, most probable so far: {best}")
 
     extend(base)
     model, common, refit = (sharpen or _sharpened)(model, common, max(fitted.values(), key=odds))
