@@ -31,7 +31,7 @@ from model.reduction.effect_basis import (
     second_answers,
 )
 from model.reduction.projection import projected_terms
-from model.reduction.reduced_equations import ReducedEquations, ReducedTerm, in_ranges
+from model.reduction.reduced_equations import ReducedEquations, ReducedTerm, full, in_ranges
 from model.reduction.through_thickness import (
     FREE,
     N_RIGID,
@@ -136,6 +136,14 @@ class ReducedSystem(ReducedEquations):
     def __post_init__(self) -> None:
         object.__setattr__(
             self, "basis", readonly("ReducedSystem", "basis", self.basis, (self.assembly.size, None))
+        )
+
+    def ranged(self) -> ReducedSystem:
+        """Return the system with matrices of low rank in ranges that they share: it takes a third of the memory."""
+        whole = {id(t.matrix): full(t.matrix) for t in self.terms}
+        found = dict(zip(whole, in_ranges(whole.values()), strict=True))
+        return dataclasses.replace(
+            self, terms=tuple(dataclasses.replace(t, matrix=found[id(t.matrix)]) for t in self.terms)
         )
 
     def field_rows(
@@ -371,9 +379,10 @@ def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[Reduc
 
     Terms that differ by their factor alone share one matrix.
     """
-    found = projected_terms(assembly, basis)
-    ranged = in_ranges(_without_rounding(_symmetric(matrix)) for matrix in found.values())
-    matrices = dict(zip(found, ranged, strict=True))
+    matrices = {
+        which: _without_rounding(_symmetric(matrix))
+        for which, matrix in projected_terms(assembly, basis).items()
+    }
     return tuple(
         ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[id(term.krons)])
         for term in assembly.terms

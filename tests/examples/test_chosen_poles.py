@@ -116,7 +116,7 @@ def test_every_command_that_identifies_can_do_so_anew(name):
 def test_a_workbench_opened_with_identify_anew_forgets_the_choice(results, monkeypatch):
     _, out = results
     served = []
-    monkeypatch.setattr(open_command, "serve", lambda opened, **_: served.append(opened))
+    monkeypatch.setattr("updating.workbench.server.serve", lambda opened, **_: served.append(opened))
     open_command.open_command(out, None, 0, browser=False, identify_anew=True)
     assert n_mode(served[0].folder) == 2
     assert not list(out.glob("*/chosen_poles.txt"))

@@ -115,7 +115,7 @@ def candidate_model(
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
         local=[effect for effect in possible.values() if effect.n_sampled],
-    )
+    ).ranged()
     return CandidateModel(
         stack=base,
         system=system,

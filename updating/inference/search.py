@@ -241,8 +241,7 @@ def search(
     states = {name: t.states for name, t in terms.items()}
 
     def odds(own: Explanation) -> float:
-        prior = sum(priors[name] for name in own.terms)
-        return own.log_evidence - fitted[frozenset()].log_evidence + prior
+        return own.log_evidence - fitted[frozenset()].log_evidence + sum(priors[n] for n in own.terms)
 
     def helps(new: Explanation, old: Explanation) -> bool:
         among = _changed(states, new, old)
