@@ -166,7 +166,9 @@ def _orthonormal(vectors: Vectors, least: float) -> Vectors:
     return found
 
 
-_GENERIC = 0.7310585786300049  # moves a parameter to where no factor vanishes by chance
+def generic(theta: Mapping[str, float], moving: Iterable[str]) -> dict[str, float]:
+    """Return parameters at which no factor vanishes by chance, for those that move."""
+    return {**theta, **{name: 1.0123 * theta[name] + 1.01e-3 for name in moving if name in theta}}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -220,7 +222,7 @@ class ReducedEquations:
         Terms that vanish wherever these parameters, and the frequency, are, are left out.
         """
         free, n = frozenset((*moved, OMEGA)), self.size if self.n_base is None else self.n_base
-        apart = {name: v * _GENERIC + _GENERIC if name in free else v for name, v in self.theta.items()}
+        apart = generic(self.theta, free)
         acting = [t for t in self.terms if t.factor.names(apart) <= free or t.factor(apart) != 0.0]
         leading = {id(t.matrix): _leading(t.matrix, n) for t in acting}
         terms = tuple(replace(t, matrix=leading[id(t.matrix)]) for t in acting)

@@ -28,6 +28,7 @@ from model.reduction.effect_basis import (
     attachment_answers,
     effect_answers,
     effect_samples,
+    elastic_modes,
     second_answers,
 )
 from model.reduction.projection import projected_terms
@@ -316,22 +317,23 @@ def _snapshot_basis(
 
     modes = _snapshot_modes(assembly, solver, samples, starts, rigid, product, n_mode)
     space = _extended(orthonormalize(rigid, product), leading(modes, assembly, kinds[0][1]), product)
-    n_base = space[0].shape[1]
+    base = space[0]
+
+    def at_point(at: Mapping[str, float]) -> tuple[Factor, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Return the factor of K + shift M there, and the elastic modes."""
+        return solver.factor(at, shear_shift(assembly.stack, at)), elastic_modes(assembly, at, base, n_mode)
+
     for effects, at in kinds:
-        answers = effect_answers(assembly, effects, solver, at, space[0], n_mode)
-        if answers.shape[1]:
-            space = _extended(space, answers, product)
-    if kinds[0][0]:
-        factor = solver.factor(kinds[0][1], shear_shift(assembly.stack, kinds[0][1]))
-        answers = second_answers(assembly, kinds[0][0], factor, kinds[0][1], space[0], n_mode)
-        if answers.shape[1]:
-            space = _extended(space, answers, product)
+        if effects:
+            factor, elastic = at_point(at)
+            space = _extended(space, effect_answers(assembly, effects, factor, at, elastic), product)
+            space = _extended(
+                space, second_answers(assembly, effects, factor, at, elastic, space[0]), product
+            )
     for at in samples[2:] if local else ():
-        factor = solver.factor(at, shear_shift(assembly.stack, at))
-        answers = attachment_answers(assembly, local, factor, at, space[0][:, :n_base], n_mode)
-        if answers.shape[1]:
-            space = _extended(space, answers, product)
-    return space[0], n_base
+        factor, elastic = at_point(at)
+        space = _extended(space, attachment_answers(assembly, local, factor, elastic[1]), product)
+    return space[0], base.shape[1]
 
 
 def _snapshot_modes(
@@ -369,7 +371,9 @@ def _snapshot_modes(
 
 
 def _extended(space: Block, x: NDArray[np.float64], product: Product) -> Block:
-    """Return a mass-orthonormal basis, with its products with the mass matrix, extended by more directions."""
+    """Return a mass-orthonormal basis, with its products with the mass matrix, extended by more directions, if any."""
+    if not x.shape[1]:
+        return space
     block, mass_block = orthonormalize(x, product, [space])
     return np.hstack([space[0], block]), np.hstack([space[1], mass_block])
 

@@ -217,9 +217,8 @@ def test_second_answers_are_what_a_strong_effect_answers_to_its_first_answers():
         left = answer - known @ la.solve(known.T @ (held @ known), known.T @ (held @ answer))
         return np.linalg.eigvalsh(left.T @ (held @ left))[-1]
 
-    found = second_answers(
-        assembly, [effect], solver_over_plan(assembly).factor(theta, shift), theta, base, 12, 1e-7
-    )
+    factor = solver_over_plan(assembly).factor(theta, shift)
+    found = second_answers(assembly, [effect], factor, theta, (value[6:12], base[:, 6:]), base, 1e-7)
     assert energy_beside(base) > 2e-6
     assert energy_beside(np.hstack([base, found])) < 1e-7
 

@@ -5,10 +5,11 @@ import logging
 import time
 from functools import partial
 
+import pytest
 from rich.console import Console
 
 import updating.workers.workers as workers
-from updating.workers.progress import shown
+from updating.workers.progress import PERIOD, in_lines, shown
 from updating.workers.workers import in_parallel
 
 _LONGEST = 20.0  # s, after which a message that is still not shown is lost
@@ -50,3 +51,18 @@ def test_nothing_is_shown_where_there_is_no_terminal(monkeypatch):
     console = Console(file=io.StringIO())
     list(in_parallel(at_work, [1], "identify", console))
     assert console.file.getvalue().strip() == ""
+
+
+@pytest.mark.parametrize("period", ["often", "nan", "-1", "inf", ""])
+def test_a_slip_in_the_period_of_progress_stops_no_work(monkeypatch, period):
+    monkeypatch.setenv(PERIOD, period)
+    with in_lines(lambda: "at work", Console(file=io.StringIO())):
+        done = True
+    assert done
+
+
+def test_progress_is_reported_as_often_as_asked(monkeypatch, capfd):
+    monkeypatch.setenv(PERIOD, "0.1")
+    with in_lines(lambda: "at work", Console(file=io.StringIO())):
+        time.sleep(0.35)
+    assert capfd.readouterr().err.count("at work (") >= 2

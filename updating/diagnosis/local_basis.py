@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
@@ -17,11 +15,6 @@ N_FURTHER = 13
 of these."""
 RESPONSE = 1e-2
 """Share of a mode's energy, as an amplitude, from which a response counts: 1e-2 leaves 1e-5 of a frequency nearby."""
-
-
-def generic(theta: Mapping[str, float], moving: Iterable[str]) -> dict[str, float]:
-    """Return parameters at which no factor vanishes by chance, for those that move."""
-    return {**theta, **{name: 1.0123 * theta[name] + 1.01e-3 for name in moving}}
 
 
 def times(matrix: Matrix, x: Vector) -> Vector:

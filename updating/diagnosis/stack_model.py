@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model import Effect, Observation, Parameter, ReducedEquations, observe, shared_parameters
 from model.elements.equations import OMEGA
-from model.reduction.reduced_equations import ReducedTerm
+from model.reduction.reduced_equations import ReducedTerm, generic
 from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel
 from updating.diagnosis.coordinates import scaled
@@ -40,7 +40,6 @@ from updating.diagnosis.hypotheses import (
     STATED_SIZE,
     WINDOW,
 )
-from updating.diagnosis.local_basis import generic
 from updating.diagnosis.moved import moved
 from updating.diagnosis.sensor_place import place_slopes
 from updating.diagnosis.slipping import slip_effect

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from model import Effect, Parameter, ReducedEquations
 from model.elements.equations import OMEGA, ParameterFactor, Target
-from model.reduction.reduced_equations import Matrix, ReducedTerm, summed
+from model.reduction.reduced_equations import Matrix, ReducedTerm, generic, summed
 from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.diagnosis.local_basis import N_FURTHER, generic, leading, parallel, times
+from updating.diagnosis.local_basis import N_FURTHER, leading, parallel, times
 from updating.diagnosis.stack_screen import TARGETS, StackScreen
 from updating.inference.protocol import Coordinate, Modal, State
 

@@ -115,13 +115,19 @@ class Errors:
         return np.asarray(np.arcsinh(0.5 * np.sum(self.value * self.weight, axis=1)))
 
     @property
-    def paired(self) -> Vector:
-        """Logarithm of measured frequency over that of the model's mode with the largest part in it, (n,).
+    def partners(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Measured modes and the model's modes that have the largest part in them, each taken once, (n,) and (n,).
 
-        Each mode of the model is taken once. It is what is printed; nothing is decided by it.
+        It is for what is printed; nothing is decided by it.
         """
         part = np.where(self.modelled > 0.0, self.weight**2, -1.0)
         row, column = scipy.optimize.linear_sum_assignment(part, maximize=True)
+        return row, column
+
+    @property
+    def paired(self) -> Vector:
+        """Logarithm of measured frequency over that of its partner among the model's modes, (n,)."""
+        row, column = self.partners
         return np.asarray(0.5 * np.log(self.eigenvalue[row] / self.modelled[row, column]))
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ema.modal.mac import mac
@@ -292,7 +291,7 @@ def _configurations(
         likeness = np.full(kept.size, np.nan)
         if not (found.classed and found.classed[c]):
             modal = local.modal(own.x, c)
-            row, column = _partners(errors)
+            row, column = errors.partners
             likeness[row] = mac(state.shape, modal.rows)[row, column]
         made.append(
             ConfigurationFit(
@@ -336,13 +335,6 @@ def _beside(
 
 def _told(errors: Errors, *, paired: bool) -> Vector:
     return errors.paired if paired else errors.frequency
-
-
-def _partners(errors: Errors) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return measured modes and the model's modes that have the largest part in them, each taken once."""
-    part = np.where(errors.modelled > 0.0, errors.weight**2, -1.0)
-    row, column = scipy.optimize.linear_sum_assignment(part, maximize=True)
-    return row, column
 
 
 def _measured_damping(model: StackModel | SpecimensModel, c: int) -> Vector:

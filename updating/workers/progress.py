@@ -22,7 +22,7 @@ LOG = logging.getLogger("ema")
 _LONGEST = 200  # characters of a message
 PERIOD = "LAMELLA_PROGRESS_SECONDS"
 """Variable of the environment: time between two lines where there is no terminal, s."""
-_PERIOD = 3.0  # s, where it is not set
+_PERIOD = 3.0  # s, where it is not set, or not to 0.1 to 3600
 CLOCK = re.compile(r" \(\d+ s\)$")
 """How a line of progress ends."""
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), " ")
@@ -59,8 +59,10 @@ def in_lines(now: Callable[[], str], console: Console) -> Iterator[None]:
     if console.is_terminal or console.quiet:
         yield
         return
-    began, ended = monotonic(), Event()
-    period = float(os.environ.get(PERIOD, _PERIOD))
+    began, ended, period = monotonic(), Event(), _PERIOD
+    with suppress(ValueError):  # work is not refused for a slip in how often it is reported
+        given = float(os.environ.get(PERIOD, ""))
+        period = given if 0.1 <= given <= 3600.0 else _PERIOD
 
     def say() -> None:
         while not ended.wait(period):

@@ -6,12 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from updating.changes.candidate import Candidates, Part, at_heights, bumps, crossed, plain
-from updating.changes.fields import Fields, Layer
-
-Vector = NDArray[np.float64]
+from updating.changes.fields import Fields, Layer, Vector
 
 RADII = np.array([0.05, 0.09, 0.16, 0.28, 0.5])
 """Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole."""
