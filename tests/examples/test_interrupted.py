@@ -20,12 +20,12 @@ LAMELLA = (
 
 
 def until(condition, process=None):
-    for _ in range(600):
+    for _ in range(3000):
         if condition():
             return
         assert process is None or process.poll() is None, process.communicate()
         time.sleep(0.1)
-    pytest.fail("nothing happened within a minute")
+    pytest.fail("nothing happened within five minutes")
 
 
 def stopped(arguments, first, how):
@@ -37,7 +37,7 @@ def stopped(arguments, first, how):
     try:
         until(first.exists, process)
         os.kill(process.pid, how)
-        said = process.communicate(timeout=60)[0]
+        said = process.communicate(timeout=300)[0]
         until(lambda: not is_alive(process.pid))
     finally:
         if is_alive(process.pid):

@@ -42,7 +42,7 @@ EVERY = [command.name or command.callback.__name__ for command in app.registered
 def imported(job):
     """Return the modules that a process has imported once it has done a job."""
     done = subprocess.run(
-        [sys.executable, "-c", COUNT.format(job=job)], capture_output=True, text=True, timeout=120, check=True
+        [sys.executable, "-c", COUNT.format(job=job)], capture_output=True, text=True, timeout=600, check=True
     )
     return set(json.loads(done.stdout.splitlines()[-1]))
 
@@ -114,7 +114,7 @@ def later():
 assert set(later()) == {1}
 """
     environment = {name: value for name, value in os.environ.items() if "NUM_THREADS" not in name}
-    subprocess.run([sys.executable, "-c", job], env=environment, timeout=120, check=True)
+    subprocess.run([sys.executable, "-c", job], env=environment, timeout=600, check=True)
 
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
