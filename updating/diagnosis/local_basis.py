@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
@@ -24,18 +27,32 @@ def times(matrix: Matrix, x: Vector) -> Vector:
     return np.asarray(matrix @ x)
 
 
+def gathered(parts: Iterable[tuple[float, Matrix]]) -> list[Matrix]:
+    """Return the sum of factors times matrices as few matrices to be summed: those that share a range are one."""
+    full, between = list[Vector](), dict[int, InRange]()
+    for factor, matrix in parts:
+        if not isinstance(matrix, InRange):
+            full.append(factor * matrix)
+            continue
+        core = factor * matrix.core
+        shared = between.get(id(matrix.range))
+        between[id(matrix.range)] = replace(matrix, core=core if shared is None else shared.core + core)
+    return [*between.values(), *([np.sum(full, axis=0)] if full else [])]
+
+
 def parallel(one: Vector, other: Vector) -> bool:
     """Tell whether two forces differ by a factor only."""
     return abs(np.vdot(one, other)) > (1.0 - 1e-6) * np.linalg.norm(one) * np.linalg.norm(other)
 
 
-def leading(blocks: Vector, energy: Vector, mass: Vector) -> Vector:
+def leading(gram: Vector, energy: Vector, mass: Vector) -> Vector:
     """Return a basis of what counts in some vectors.
 
     Parameters
     ----------
-    blocks : (n, k) float
-        Modes, scaled to an energy of 1 and more, and responses to steps of coordinates.
+    gram : (n, n) float
+        Sum of their squares, each vector times the transpose of `energy`: of modes, scaled to an energy of 1 and more,
+        and of responses to steps of coordinates. Squares hold eight digits of a size, more than `RESPONSE` asks for.
     energy : (n, n) float
         Lower Cholesky factor of the matrix that measures energy.
     mass : (n, n) float
@@ -46,14 +63,7 @@ def leading(blocks: Vector, energy: Vector, mass: Vector) -> Vector:
     (n, m) float
         The basis, the strongest combinations first.
     """
-    weighed = energy.T @ blocks
-    if weighed.shape[1] > 2 * weighed.shape[0]:
-        square, direction = la.eigh(weighed @ weighed.T)
-        order = np.argsort(-square)
-        strength, direction = np.sqrt(np.maximum(square[order], 0.0)), direction[:, order]
-    else:
-        direction, strength, _ = la.svd(weighed, full_matrices=False)
-    kept = int(np.count_nonzero(strength > RESPONSE))
-    basis = la.solve_triangular(energy.T, direction[:, :kept])
+    _, direction = la.eigh(gram, subset_by_value=(RESPONSE**2, np.inf), check_finite=False)
+    basis = la.solve_triangular(energy.T, direction[:, ::-1], check_finite=False)
     root = la.cholesky(basis.T @ mass @ basis, lower=True)
     return np.asarray(la.solve_triangular(root, basis.T, lower=True).T)

@@ -331,7 +331,7 @@ class MatricesNear:
             for target in WHOLE
         }
 
-    def of(self, coordinates: Sequence[Coordinate], point: Vector | None = None) -> MatricesNear:  # noqa: ARG002
+    def of(self, coordinates: Sequence[Coordinate]) -> MatricesNear:
         """Return the same for some of the coordinates; the others stay where they are neutral."""
         return MatricesNear(self.whole, coordinates)
 

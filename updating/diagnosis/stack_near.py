@@ -6,6 +6,7 @@ import copy
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -14,11 +15,11 @@ from numpy.typing import NDArray
 
 from model import Effect, Parameter, ReducedEquations
 from model.elements.equations import OMEGA, ParameterFactor, Target
-from model.reduction.reduced_equations import Matrix, ReducedTerm, generic, summed
+from model.reduction.reduced_equations import Matrix, ReducedTerm, generic
 from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.diagnosis.local_basis import N_FURTHER, leading, parallel, times
+from updating.diagnosis.local_basis import N_FURTHER, gathered, leading, parallel, times
 from updating.diagnosis.stack_screen import TARGETS, StackScreen
 from updating.inference.protocol import Coordinate, Modal, State
 
@@ -104,6 +105,47 @@ class _Part:
     matrix: Vector
 
 
+_MODES = ""  # what a vector that answers to no coordinate belongs to
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Responses:
+    """The vectors that a basis was chosen from: modes, and answers to steps of coordinates.
+
+    Attributes
+    ----------
+    every : (size, n) float
+        In coordinates of the basis.
+    of : (n,) str
+        The coordinate that each answers to.
+    energy : (size, size) float
+        Lower Cholesky factor of what measures energy.
+    """
+
+    every: Vector
+    of: NDArray[np.str_]
+    energy: Vector
+
+    @cached_property
+    def grams(self) -> dict[str, Vector]:
+        """Sums of squares of the vectors of each coordinate, (size, size)."""
+        weighed = self.energy.T @ self.every
+        each = {name: weighed[:, self.of == name] for name in np.unique(self.of).tolist()}
+        return {name: own @ own.T for name, own in each.items()}
+
+    def basis(self, coordinates: Sequence[Coordinate], at: Mapping[str, float]) -> Vector:
+        """Return a basis of what counts for some of the coordinates, (size, m), orthonormal.
+
+        What answers to a coordinate that is neutral where the vectors were made counts as it is at its starts.
+        """
+        total = self.grams[_MODES].copy()
+        for c in coordinates:
+            far = max(map(abs, c.starts)) / c.step if len(c.starts) > 1 and at[c.name] == 0.0 else 1.0
+            if c.name in self.grams:
+                total += max(far, 1.0) ** 2 * self.grams[c.name]
+        return leading(total, self.energy, np.eye(len(total)))
+
+
 class StackNear:
     """A stack's equations on few coordinates about some points: modes there, and their static responses.
 
@@ -154,13 +196,14 @@ class StackNear:
         self.parts = parts
         self.of_target = {t: [p for p in parts if p.target == t] for t in "KMC"}
         self.stacked = {t: np.array([p.matrix for p in own]) for t, own in self.of_target.items()}
+        self._moved = {n for t in TARGETS[:2] for p in self.of_target[t] for n in p.names & self.moving}
 
     def _placed(
         self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
-    ) -> list[dict[tuple[str, Target], Vector]]:
-        """Return the derivatives of K and M, (n_basis, n_basis), by each place in each state, where there are any."""
-        n, found = self.whole.equations.size, list[dict[tuple[str, Target], Vector]]()
-        made: dict[tuple[str, Target, tuple[float, ...]], Vector] = {}
+    ) -> list[dict[tuple[str, Target], list[Matrix]]]:
+        """Return the derivatives of K and M by each place in each state, where there are any, each as a sum."""
+        found = list[dict[tuple[str, Target], list[Matrix]]]()
+        made: dict[tuple[str, Target, tuple[float, ...]], list[Matrix]] = {}
         for theta in thetas:
             found.append({})
             for name, target in itertools.product(self.near, TARGETS[:2]):
@@ -168,8 +211,8 @@ class StackNear:
                 derivative = tuple(t.factor.derivative(theta, name) for t in acting)
                 if any(derivative):
                     if (name, target, derivative) not in made:
-                        made[name, target, derivative] = summed(
-                            n, ((d, t.matrix) for d, t in zip(derivative, acting, strict=True) if d)
+                        made[name, target, derivative] = gathered(
+                            (d, t.matrix) for d, t in zip(derivative, acting, strict=True) if d
                         )
                     found[-1][name, target] = made[name, target, derivative]
         return found
@@ -183,6 +226,7 @@ class StackNear:
     ) -> None:
         """Choose the basis: modes at every point, and how the lowest answer to each coordinate that moves."""
         whole, blocks, n_basis = self.whole, list[Vector](), self.n_equation + N_FURTHER
+        of = list[str]()  # the coordinate of each vector
         reference, n_state = None, len(whole.measured)
         self._whole_matrices: list[dict[str, Vector]] = []
         self.mesh: list[Vector | None] = []
@@ -208,6 +252,7 @@ class StackNear:
                 reference = la.cholesky(stiffness + floor * mass, lower=True)
             size = np.sqrt(np.maximum(value, floor))
             blocks.append(vector[:, :n_basis] * (30.0 / size[:n_basis]))
+            of += [_MODES] * n_basis
             low, beyond = vector[:, : self.n_equation], vector[:, n_basis:]
             lam = np.maximum(value[: self.n_equation], floor)
             below = value[n_basis:, None] - lam
@@ -227,30 +272,39 @@ class StackNear:
                                 image = times(term.matrix, low)
                                 image = -image * value[: self.n_equation] if term.target == "M" else image
                             force[name, i] = force.get((name, i), 0.0) + derivative * image
-            for (name, target), matrix in self._by_place[state].items():
-                image = matrix @ low
+            for (name, target), matrices in self._by_place[state].items():
+                image = np.sum([times(own, low) for own in matrices], axis=0)
                 image = -image * value[: self.n_equation] if target == "M" else image
                 force[name, 0] = force.get((name, 0), 0.0) + image
             answering = [
-                (own, step[name] * slope.get(name, 1.0))
+                (name, own, step[name] * slope.get(name, 1.0))
                 for (name, i), own in force.items()
                 if not (i and (name, 0) in force and parallel(own, force[name, 0]))
             ]
             if c < n_state:
                 answering += [
-                    (self._sized(name, theta, low, value[: self.n_equation]), step[name])
+                    (name, self._sized(name, theta, low, value[: self.n_equation]), step[name])
                     for name in self.sized
                 ]
             if answering:
-                forces = np.hstack([own * (small / np.sqrt(lam)) for own, small in answering])
+                forces = np.hstack([own * (small / np.sqrt(lam)) for _, own, small in answering])
                 blocks.append(beyond @ ((beyond.T @ forces) / np.tile(below, len(answering))))
+                of += [name for name, *_ in answering for _ in lam]
             if c < n_state:
                 finer, inertia = whole.finer_mesh(theta)
                 self.mesh.append(finer)
                 self._inertia.append(inertia)
         assert reference is not None
-        self.basis = leading(np.hstack(blocks), reference, first_mass)
+        every = np.hstack(blocks)
+        weighed = reference.T @ every
+        self.basis = leading(weighed @ weighed.T, reference, first_mass)
         self.size = self.basis.shape[1]
+        held = reference.T @ self.basis
+        self._responses: _Responses | None = _Responses(
+            every=self.basis.T @ (first_mass @ every),
+            of=np.array(of),
+            energy=la.cholesky(held.T @ held, lower=True),
+        )
 
     def _sized(self, name: str, theta: Mapping[str, float], low: Vector, lam: Vector) -> Vector:
         """Return the force by which a dimension acts on modes, per unit of its logarithm."""
@@ -295,8 +349,8 @@ class StackNear:
                     (p.factor(theta) * p.matrix for p in parts if p.target == target), np.zeros((n, n))
                 )
                 fixed[target][c] = project(self._whole_matrices[c][target]) - moving
-            for (name, target), matrix in self._by_place[c].items():
-                self.linear[target][c, self.near.index(name)] = project(matrix)
+            for (name, target), matrices in self._by_place[c].items():
+                self.linear[target][c, self.near.index(name)] = np.sum(list(map(project, matrices)), axis=0)
         for i, name in enumerate(self.sized, len(self.near)):
             for c, theta in enumerate(thetas):
                 for target, change in self.whole.dimension(name, theta).items():
@@ -311,60 +365,46 @@ class StackNear:
         self.rows = [own.rows @ self.basis for own in self.whole.measured]
         self.slopes = [own.slope @ self.basis for own in self.whole.measured]
 
-    def of(self, coordinates: Sequence[Coordinate], point: Vector | None = None) -> StackNear:
-        """Return the same for some of the coordinates; the others stay where they are neutral.
-
-        With a `point` it holds about that alone, on a basis that is as much smaller.
-        """
+    def of(self, coordinates: Sequence[Coordinate]) -> StackNear:
+        """Return the same for some of the coordinates, on as much smaller a basis; the others stay where neutral."""
         part = copy.copy(self)
         part.names = [c.name for c in coordinates]
         part.at = {name: i for i, name in enumerate(part.names)}
         part.far = [n for n in self.far if n in part.at]
+        part.near, part.sized = ([n for n in own if n in part.at] for own in (self.near, self.sized))
         part.moving = frozenset(part.far)
         neutral = [self.whole.theta(dict.fromkeys(part.names, 0.0), c)[0] for c in range(len(self.rows))]
         moving = part.moving | {OMEGA}
         there = [p for p in self.parts if p.needs <= part.moving]
-        part.fixed = {t: m.copy() for t, m in self.fixed.items()}
+        fixed = {t: m.copy() for t, m in self.fixed.items()}
         for p in there:
             if not p.names & moving:
                 for c, theta in enumerate(neutral):
-                    part.fixed[p.target][c] += p.factor(theta) * p.matrix
+                    fixed[p.target][c] += p.factor(theta) * p.matrix
+        kept = [i for i, name in enumerate((*self.near, *self.sized)) if name in part.at]
+        part.fixed, part.linear = fixed, {t: m[:, kept] for t, m in self.linear.items()}
         part._stack([p for p in there if p.names & moving])
-        if point is not None:
-            part._condense(point, [c.step for c in coordinates])
+        if self._responses is not None:
+            part._project(self._responses.basis(coordinates, self.first))
         return part
 
-    def _condense(self, x: Vector, step: Sequence[float]) -> None:
-        """Take for basis the modes at a point and how the lowest answer to each coordinate, as `_basis` does."""
-        n_basis = self.n_equation + N_FURTHER
-        if n_basis >= self.size:
-            return
-        at, blocks, first = dict(zip(self.names, x.tolist(), strict=True)), list[Vector](), None
-        for state in range(len(self.rows)):
-            theta, slope = self.whole.theta(at, state)
-            value, every, matrix = self.solved(x, state)
-            floor = value[value > self.whole.rigid][0]
-            size = np.sqrt(np.maximum(value, floor))
-            if first is None:
-                first = la.cholesky(matrix["K"] + floor * matrix["M"], lower=True), matrix["M"]
-            lam, below = value[: self.n_equation], value[n_basis:, None]
-            held = np.maximum(lam, floor)
-            blocks.append(every[:, :n_basis] * (30.0 / size[:n_basis]))
-            between = self._between(every)
-            answers = [
-                (change[0, n_basis:] - change[1, n_basis:] * lam) * (step[i] / np.sqrt(held)) / (below - held)
-                for i, change in self._moves(theta, slope, state, every, between).items()
-            ]
-            if answers:
-                blocks.append(every[:, n_basis:] @ np.hstack(answers))
-        assert first is not None
-        basis = leading(np.hstack(blocks), *first)
+    def _project(self, basis: Vector) -> None:
+        """Write all in a smaller basis, (size, m); some of its coordinates have no smaller one then."""
+
+        def projected(matrix: Vector) -> Vector:
+            return np.asarray(basis.T @ matrix @ basis)
+
+        self.fixed = {t: projected(m) for t, m in self.fixed.items()}
+        for t, m in self.linear.items():
+            small = np.zeros((*m.shape[:2], basis.shape[1], basis.shape[1]))
+            acting = np.nonzero(m.any(axis=(2, 3)))
+            small[acting] = projected(m[acting])
+            self.linear[t] = small
+        self._stack([replace(p, matrix=projected(p.matrix)) for p in self.parts])
         self.basis, self.size = self.basis @ basis, basis.shape[1]
-        self.fixed = {t: basis.T @ own @ basis for t, own in self.fixed.items()}
-        self.linear = {t: basis.T @ own @ basis for t, own in self.linear.items()}
-        self._stack([replace(p, matrix=basis.T @ p.matrix @ basis) for p in self.parts])
         self.rows = [own @ basis for own in self.rows]
         self.slopes = [own @ basis for own in self.slopes]
+        self._responses = None
 
     def measured_as(self, whole: Whole) -> StackNear:
         """Return the same for other measured modes of the same states and points, those of `whole`."""
@@ -384,11 +424,7 @@ class StackNear:
         n_rigid = int(np.count_nonzero(value < self.whole.rigid))
         value[:n_rigid] = 0.0
         between = self._between(every)
-        moves = self._moves(theta, slope, state, every, between)
-        stiffness, mass = (
-            np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, self.size, self.n_equation)
-            for which in (0, 1)
-        )
+        moves, stiffness, mass = self._moves(theta, slope, state, every, between)
         damping, damps = self._losses(theta, slope, state, vector, matrix["C"])
         if DECAY in self.at:
             inertia = vector.T @ matrix["M"] @ vector
@@ -398,7 +434,7 @@ class StackNear:
         slipping = self._slipping(at, state)
         if slipping is not None:
             G = self._columns("G_f", state)
-            contact = moves[G[0]][0][: self.n_equation]  # what the contact holds
+            (contact,) = stiffness[moves == G[0], : self.n_equation]  # what the contact holds
             softer, lossy = slipping
             omega = 2.0 * np.pi * self.whole.measured[state].state.frequency
             for i, change in ((None, softer[0]), *softer[1].items(), *((i, softer[0]) for i in G)):
@@ -420,7 +456,7 @@ class StackNear:
             n_rigid=n_rigid,
             shape=vector,
             rows=rows,
-            moves=np.array(sorted(moves), dtype=np.intp),
+            moves=moves,
             stiffness=stiffness[:, : self.n_equation],
             mass=mass[:, : self.n_equation],
             beyond=beyond,
@@ -481,23 +517,32 @@ class StackNear:
         state: int,
         every: Vector,
         between: Mapping[str, Vector],
-    ) -> dict[int, Vector]:
-        """Return derivatives of K and M, (2, size, n_equation), between all modes and the lowest, by coordinate."""
-        found: dict[int, Vector] = {}
+    ) -> tuple[NDArray[np.intp], Vector, Vector]:
+        """Return the coordinates that move K or M, and the derivatives between all modes and the lowest by these.
 
-        def add(i: int, which: int, change: Vector) -> None:
-            found.setdefault(i, np.zeros((2, self.size, self.n_equation)))[which] += change
-
-        for which, target in enumerate("KM"):
-            for p, block in zip(self.of_target[target], between[target], strict=True):
-                for name in sorted(p.names & self.moving):
-                    for i in self._columns(name, state):
-                        add(i, which, p.factor.derivative(theta, name) * slope[name] * block)
-            if self.near or self.sized:
-                lines = every.T @ (self.linear[target][state] @ every[:, : self.n_equation])
-                for name, block in zip((*self.near, *self.sized), lines, strict=True):
-                    add(self.at[name], which, block)
-        return found
+        As (q,), and for K and for M (q, size, n_equation).
+        """
+        columns = {n: self._columns(n, state) for n in self.far}
+        linear = [self.at[n] for n in (*self.near, *self.sized)]
+        moves = sorted({*linear, *(i for n in self._moved for i in columns[n])})
+        row, found = {i: k for k, i in enumerate(moves)}, list[Vector]()
+        for target in TARGETS[:2]:
+            parts = self.of_target[target]
+            weight = np.zeros((len(moves), len(parts)))
+            for j, p in enumerate(parts):
+                for name in p.names & self.moving:
+                    rate = p.factor.derivative(theta, name) * slope[name]
+                    for i in columns[name]:
+                        weight[row[i], j] += rate
+            change = np.zeros((len(moves), self.size, self.n_equation))
+            if parts:
+                change += np.tensordot(weight, between[target], 1)
+            if linear:
+                change[[row[i] for i in linear]] += every.T @ (
+                    self.linear[target][state] @ every[:, : self.n_equation]
+                )
+            found.append(change)
+        return np.array(moves, dtype=np.intp), found[0], found[1]
 
     def _losses(
         self,

@@ -67,6 +67,11 @@ class StackScreen:
                     self._beyond[t] = np.einsum("ib,pib->pb", every[:, m:], whole[:, :, m:])
         self._here = near.whole.theta(dict(zip(near.names, x.tolist(), strict=True)), state)[0]
         self._factors: dict[int, Vector] = {}
+        self._by_name: dict[tuple[str, Target], list[int]] = {}
+        for t in TARGETS:
+            for i, p in enumerate(near.of_target[t]):
+                for name in p.names:
+                    self._by_name.setdefault((name, t), []).append(i)
         slip = near.whole.slip
         slips = slip is not None and near.whole.measured[state].strain is not None
         self._slips = (
@@ -94,12 +99,12 @@ class StackScreen:
 
         at_modes = [{**theta, OMEGA: w} for w in omega.tolist()]
 
-        def summed(target: Target, blocks: Vector) -> tuple[Vector, Vector]:
-            """Return the sum over terms of what changes, and its derivatives, last axes as those of `blocks`."""
-            acting = [
-                i for i, p in enumerate(near.of_target[target]) if p.names & names and not p.needs & nothing
-            ]
-            parts = [near.of_target[target][i] for i in acting]
+        def summed(target: Target, *blocks: Vector) -> list[tuple[Vector, Vector]]:
+            """Return the sums over terms of what changes, and derivatives, last axes as those of each of `blocks`."""
+            of_target = near.of_target[target]
+            acting = sorted({i for name in names for i in self._by_name.get((name, target), ())})
+            acting = [i for i in acting if not of_target[i].needs & nothing]
+            parts = [of_target[i] for i in acting]
             slow = [OMEGA in p.names and target != "M" for p in parts]
             n = len(at_modes) if any(slow) else 1
             weight = np.zeros((1 + len(moved), n, len(parts)))  # of each part, and its derivatives
@@ -109,14 +114,15 @@ class StackScreen:
                 for k, name in enumerate(near.names[j] for j in moved):
                     if name in p.names:
                         weight[1 + k, :, i] = [p.factor.derivative(at, name) * slope[name] for at in points]
-            summed = np.tensordot(weight, blocks[acting], 1)
-            return summed[0], summed[1:]
+            every = [np.tensordot(weight, own[acting], 1) for own in blocks]
+            return [(own[0], own[1:]) for own in every]
 
         none = np.zeros((0, near.size, near.n_equation))
-        stiffness, mass, damping = (
-            summed(t, self._blocks.get(t, none if t != "C" else none[:, : near.n_equation])) for t in TARGETS
+        (stiffness, far), (mass, heavy) = (
+            summed(t, self._blocks.get(t, none), self._beyond.get(t, none[:, near.n_equation :, 0]))
+            for t in TARGETS[:2]
         )
-        far, heavy = (summed(t, self._beyond.get(t, none[:, near.n_equation :, 0])) for t in TARGETS[:2])
+        (damping,) = summed("C", self._blocks.get("C", none[:, : near.n_equation]))
         return Change(
             moved=np.array(moved, dtype=np.intp),
             stiffness=stiffness,

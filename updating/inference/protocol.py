@@ -202,11 +202,8 @@ class Screen(Protocol):
 class LocalModel(Protocol):
     """A model that holds near the point about which it was made."""
 
-    def of(self, coordinates: Sequence[Coordinate], point: Vector | None = None) -> LocalModel:
-        """Return the same for some of the coordinates; the others stay where they are neutral.
-
-        With a `point` it need hold about that alone, and may be the smaller for it.
-        """
+    def of(self, coordinates: Sequence[Coordinate]) -> LocalModel:
+        """Return the same for some of the coordinates, smaller where it can be; the others stay where neutral."""
 
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates `x`; raises numpy.linalg.LinAlgError where it has no modes."""

@@ -109,8 +109,10 @@ def screened(
     each: int = 3,
     steps: int = 4,
     weak: float = 0.1,
-) -> dict[str, tuple[float, Vector]]:
+) -> dict[str, tuple[float, Vector, LocalModel]]:
     """Return what a few steps are expected to reach with each further term, minus the cost, and where it leads.
+
+    Returned with the model that has the term's coordinates alone.
 
     Parameters
     ----------
@@ -152,7 +154,7 @@ def screened(
             ahead = None if origin is None else _ahead(model, origin, start, columns, together)
             one = np.inf if ahead is None else ahead, o, start[columns]
             first.setdefault(term.name, []).append(one)
-    by_name, found = {term.name: term for term in further}, dict[str, tuple[float, Vector]]()
+    by_name, found = {term.name: term for term in further}, dict[str, tuple[float, Vector, LocalModel]]()
     for rank, name in enumerate(sorted(first, key=lambda name: -max(ahead for ahead, *_ in first[name]))):
         starts = sorted(first[name], key=lambda one: -one[0])
         known = np.isfinite(starts[0][0])
@@ -160,19 +162,19 @@ def screened(
             break
         of_origins = {next(i for i, one in enumerate(starts) if one[1] == o) for o in range(len(at))}
         chosen = sorted({*range(min(each, len(starts))), *of_origins}) if known else range(len(starts))
-        terms, tried = [*present, by_name[name]], list[tuple[float, Vector, LocalModel]]()
+        terms, tried = [*present, by_name[name]], list[tuple[float, Vector]]()
+        near = local.of(coordinates_of(model, terms))
         for _, _, start in (starts[i] for i in chosen):
             with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                near = local.of(coordinates_of(model, terms), start)
-                tried.append((*outlook(model, terms, setting, start, near, sizes), near))
+                tried.append(outlook(model, terms, setting, start, near, sizes))
         if not tried:
             continue
-        reached, to, near = max(tried, key=lambda one: one[0])
-        found[name] = reached, to
+        found[name] = *max(tried, key=lambda one: one[0]), near
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):
             for _ in range(steps - 1):
-                before, found[name] = found[name], outlook(model, terms, setting, found[name][1], near, sizes)
-                if abs(found[name][0] - before[0]) < 1.0:
+                before, to, _ = found[name]
+                found[name] = *outlook(model, terms, setting, to, near, sizes), near
+                if abs(found[name][0] - before) < 1.0:
                     break
     return found
 

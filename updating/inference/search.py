@@ -342,21 +342,20 @@ def extended(
         coordinates, [np.array([own.get(c.name, 0.0) for c in coordinates]) for own in origins]
     )
     ahead = screened(model, common, present, further, origins, local, at.evidence.sizes)
-    now = outlook(model, present, common, at.x, local.of(at.coordinates, at.x), at.evidence.sizes)[0]
+    now = outlook(model, present, common, at.x, local.of(at.coordinates), at.evidence.sizes)[0]
     found = []
     for i, name in enumerate(sorted(ahead, key=lambda n: -ahead[n][0])[:last]):
         if i >= least and ahead[name][0] < now + gain:
             break
         terms = [*present, model.terms[name]]
         try:
-            near = local.of(coordinates_of(model, terms), ahead[name][1])
             found.append(
                 converged(
                     model,
                     terms,
                     common,
                     ahead[name][1],
-                    local=near,
+                    local=ahead[name][2],
                     rounds=1,
                     steps=steps,
                     small=small,

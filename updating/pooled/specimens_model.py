@@ -205,7 +205,7 @@ class SpecimensNear:
             whole.rows_of(g) @ near.basis if len(nears) > 1 else None for g, near in enumerate(nears)
         ]
 
-    def of(self, coordinates: Sequence[Coordinate], point: Vector | None = None) -> SpecimensNear:  # noqa: ARG002
+    def of(self, coordinates: Sequence[Coordinate]) -> SpecimensNear:
         """Return the same for some of the coordinates; the others stay where they are neutral."""
         local = self.whole.local_of(coordinates)
         each = [self.whole.in_group(g, local) for g in range(len(self.nears))]
