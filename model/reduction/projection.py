@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
@@ -22,6 +23,10 @@ from model.reduction.threads import threaded
 Vector = NDArray[np.float64]
 
 _DENSE = 0.02  # share of entries above which a planar matrix is multiplied faster as a dense one
+
+_FEW = 8  # shapes over the plan of which a matrix may be made, to be multiplied by these
+
+_EXACT = 1e-12  # of a matrix's largest entry, to which it must be the same then
 
 _STRIPS = 8  # across the plan, of such a one: those that are not neighbours have nothing in common
 
@@ -71,15 +76,51 @@ def _half(
 
     Their images are summed first, for the product with the basis on the left takes longest.
     """
-    planes = [kron.planar[order[kron.row]][:, order[kron.column]] for kron in krons]
-    rows = np.flatnonzero(sum(np.diff(planar.indptr) for planar in planes))
-    left = parts[field]
-    image = np.zeros((left.shape[0], rows.size, left.shape[2]))
-    for kron, planar in zip(krons, planes, strict=True):
-        z = kron.z.toarray() if sp.issparse(kron.z) else kron.z
-        _add_image(image, z * (0.5 if kron.row == kron.column else 1.0), planar[rows], parts[kron.column])
-    left = left[:, rows] if rows.size < left.shape[1] else left
-    return np.asarray(left.reshape(-1, left.shape[2]).T @ image.reshape(-1, image.shape[2]))
+    left, whole = parts[field], list[tuple[Kron, Vector, sp.csr_matrix]]()
+    half = np.zeros((left.shape[2], left.shape[2]))
+    for kron in krons:
+        planar = kron.planar[order[kron.row]][:, order[kron.column]]
+        z = (kron.z.toarray() if sp.issparse(kron.z) else kron.z) * (0.5 if kron.row == kron.column else 1.0)
+        few = _low_rank(planar)
+        if few is None:
+            whole.append((kron, z, planar))
+            continue
+        first, second = (
+            np.einsum("pr,zpk->zrk", shapes, own[:, at], optimize=True)
+            for (at, shapes), own in zip(few, (left, parts[kron.column]), strict=True)
+        )
+        moved = (z @ second.reshape(second.shape[0], -1)).reshape(-1, second.shape[2])
+        half += first.reshape(-1, first.shape[2]).T @ moved
+    rows = np.flatnonzero(sum(np.diff(planar.indptr) for *_, planar in whole))
+    if rows.size:
+        image = np.zeros((left.shape[0], rows.size, left.shape[2]))
+        for kron, z, planar in whole:
+            _add_image(image, z, planar[rows], parts[kron.column])
+        left = left[:, rows] if rows.size < left.shape[1] else left
+        half += left.reshape(-1, left.shape[2]).T @ image.reshape(-1, image.shape[2])
+    return half
+
+
+def _low_rank(
+    planar: sp.csr_matrix,
+) -> tuple[tuple[NDArray[np.intp], Vector], tuple[NDArray[np.intp], Vector]] | None:
+    """Return a planar matrix as a sum of few products of shapes: where each side acts, and its shapes there.
+
+    The mean displacement under a clamp is one shape of many points. None where the matrix has more than `_FEW`.
+    """
+    rows = np.flatnonzero(np.diff(planar.indptr))
+    columns = np.unique(planar.indices)
+    if planar.nnz <= 0.5 * rows.size * columns.size or min(rows.size, columns.size) <= 2 * _FEW:
+        return None
+    block = planar[rows][:, columns].toarray()
+    image = block @ np.random.default_rng(0).standard_normal((columns.size, _FEW + 1))
+    shapes, triangle, _ = la.qr(image, mode="economic", pivoting=True)
+    size = np.abs(np.diag(triangle))
+    shapes = shapes[:, size > _EXACT * size[0]]
+    other = shapes.T @ block
+    if shapes.shape[1] > _FEW or np.abs(block - shapes @ other).max() > _EXACT * np.abs(block).max():
+        return None
+    return (rows, shapes), (columns, other.T)
 
 
 def _add_image(image: Vector, z: Vector, planar: sp.csr_matrix, right: Vector) -> None:
