@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
+from scipy.linalg.blas import daxpy
 
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.stack.stack import Stack
@@ -74,17 +75,18 @@ def n_row(matrix: Matrix) -> int:
 
 def summed(n: int, parts: Iterable[tuple[float, Matrix]]) -> Vectors:
     """Return the sum of factors times matrices in full, (n, n)."""
-    total, share = np.zeros((2, n, n))
+    total = np.zeros(n * n)
     between: dict[int, tuple[Vectors, Vectors]] = {}
     for factor, matrix in parts:
         if not isinstance(matrix, InRange):
-            total += np.multiply(factor, matrix, out=share)
+            total = daxpy(matrix.ravel(), total, a=factor)  # in place
             continue
         shared, core = between.get(id(matrix.range), (matrix.range, np.zeros(matrix.core.shape)))
         between[id(matrix.range)] = shared, core + factor * matrix.core
+    square = total.reshape(n, n)
     for shared, core in between.values():
-        total += shared @ core @ shared.T
-    return total
+        square += shared @ core @ shared.T
+    return square
 
 
 def in_ranges(matrices: Iterable[Vectors]) -> list[Matrix]:

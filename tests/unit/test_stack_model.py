@@ -101,19 +101,21 @@ def test_derivatives_by_what_moves_are_those_of_differences(whole):
 
 
 @pytest.mark.parametrize("state", [0, 1])
-def test_on_the_small_basis_about_a_point_modes_near_it_are_those_of_the_large_one(whole, state):
-    """A screening makes one about each start, from the local equations with all terms."""
+def test_on_the_small_basis_of_a_term_modes_are_those_of_the_large_one(whole, state):
+    """A screening makes one for each term, from the local equations with all terms."""
     every = coordinates_of(whole, tuple(whole.terms.values()))
-    coordinates = coordinates_of(whole, [whole.terms["clamp_mass"]])
-    at = {"G_f": 0.2, "clamp_added_mass": 0.3, "young": -0.01}
-    point = np.array([at.get(c.name, 0.0) for c in coordinates])
     large = whole.about(every, [np.zeros(len(every))])
-    small = large.of(coordinates, point)
-    assert small.size < large.size
-    for away, within in ((0.0, 1e-9), (0.5, 2e-5)):
-        x = point + away * np.array([c.step for c in coordinates])
-        value, expected = (near.modal(x, state).eigenvalue for near in (small, large.of(coordinates)))
-        np.testing.assert_allclose(value[6:], expected[6:], rtol=within)
+    for term, name in (("clamp_mass", "clamp_added_mass"), ("contact_direction", "G_yz_ratio")):
+        coordinates = coordinates_of(whole, [whole.terms[term]])
+        (start, *_) = next(c.starts for c in coordinates if c.name == name)
+        small = large.of(coordinates)
+        assert small.size < large.size
+        for share, within in ((0.0, 1e-5), (1.0, 2e-4)):
+            at = {"G_f": 0.1, name: share * start, "young": -0.01}
+            x = np.array([at.get(c.name, 0.0) for c in coordinates])
+            all_of_them = np.array([at.get(c.name, 0.0) for c in every])
+            value, expected = small.modal(x, state).eigenvalue, large.modal(all_of_them, state).eigenvalue
+            np.testing.assert_allclose(value[6:], expected[6:], rtol=within)
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.333), (0.333, 0.0), (-0.5, 0.5), (0.0, 0.0)])

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model.reduction.reduced_equations import InRange, Matrix
+from model.reduction.reduced_equations import InRange, Matrix, summed
 
 Vector = NDArray[np.float64]
 
@@ -27,17 +27,17 @@ def times(matrix: Matrix, x: Vector) -> Vector:
     return np.asarray(matrix @ x)
 
 
-def gathered(parts: Iterable[tuple[float, Matrix]]) -> list[Matrix]:
-    """Return the sum of factors times matrices as few matrices to be summed: those that share a range are one."""
-    full, between = list[Vector](), dict[int, InRange]()
+def gathered(n: int, parts: Iterable[tuple[float, Matrix]]) -> list[Matrix]:
+    """Return the sum of factors times matrices, (n, n), as few matrices: those of one range are one."""
+    full, between = list[tuple[float, Vector]](), dict[int, InRange]()
     for factor, matrix in parts:
         if not isinstance(matrix, InRange):
-            full.append(factor * matrix)
+            full.append((factor, matrix))
             continue
         core = factor * matrix.core
         shared = between.get(id(matrix.range))
         between[id(matrix.range)] = replace(matrix, core=core if shared is None else shared.core + core)
-    return [*between.values(), *([np.sum(full, axis=0)] if full else [])]
+    return [*between.values(), *([summed(n, full)] if full else [])]
 
 
 def parallel(one: Vector, other: Vector) -> bool:

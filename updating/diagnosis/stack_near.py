@@ -114,8 +114,10 @@ class _Responses:
 
     Attributes
     ----------
-    every : (size, n) float
-        In coordinates of the basis.
+    every : (n_basis, n) float
+        In coordinates of the whole model.
+    within : (size, n_basis) float
+        What gives their coordinates in the basis.
     of : (n,) str
         The coordinate that each answers to.
     energy : (size, size) float
@@ -123,13 +125,14 @@ class _Responses:
     """
 
     every: Vector
+    within: Vector
     of: NDArray[np.str_]
     energy: Vector
 
     @cached_property
     def grams(self) -> dict[str, Vector]:
         """Sums of squares of the vectors of each coordinate, (size, size)."""
-        weighed = self.energy.T @ self.every
+        weighed = self.energy.T @ self.within @ self.every
         each = {name: weighed[:, self.of == name] for name in np.unique(self.of).tolist()}
         return {name: own @ own.T for name, own in each.items()}
 
@@ -212,7 +215,8 @@ class StackNear:
                 if any(derivative):
                     if (name, target, derivative) not in made:
                         made[name, target, derivative] = gathered(
-                            (d, t.matrix) for d, t in zip(derivative, acting, strict=True) if d
+                            self.whole.equations.size,
+                            ((d, t.matrix) for d, t in zip(derivative, acting, strict=True) if d),
                         )
                     found[-1][name, target] = made[name, target, derivative]
         return found
@@ -301,7 +305,8 @@ class StackNear:
         self.size = self.basis.shape[1]
         held = reference.T @ self.basis
         self._responses: _Responses | None = _Responses(
-            every=self.basis.T @ (first_mass @ every),
+            every=every,
+            within=self.basis.T @ first_mass,
             of=np.array(of),
             energy=la.cholesky(held.T @ held, lower=True),
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -80,7 +81,7 @@ def visibility(
                 old = seen.setdefault(term.name, {}).get(c.name)
                 if old is None or new.std < old.std:
                     seen[term.name][c.name] = new
-    here = _left(model, found, own, local)
+    here = _left(model, found, own, local.of(own.coordinates))
     for term in further:
         if len(term.coordinates) == 1:
             (name,) = seen[term.name]
@@ -95,7 +96,10 @@ def _left(
     local: LocalModel,
     further: tuple[Term, float] | None = None,
 ) -> float:
-    """Return the misfit with a further term at a value of its coordinate, all else fitted."""
+    """Return the misfit with a further term at a value of its coordinate, all else fitted.
+
+    `local` has the coordinates of the explanation, and of the further term, alone.
+    """
     more = [] if further is None else [further[0]]
     coordinates = coordinates_of(model, [*(model.terms[n] for n in own.terms), *more])
     have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
@@ -103,7 +107,7 @@ def _left(
     x = np.array([at[c.name] for c in coordinates])
     try:
         problem = joined(
-            errors_at(model, local.of(coordinates), replace(found.setting, apart=own.apart), x),
+            errors_at(model, local, replace(found.setting, apart=own.apart), x),
             found.setting.common,
         )
     except (np.linalg.LinAlgError, ValueError):  # the model has no modes there
@@ -125,9 +129,10 @@ def _asked(
     `here` is the misfit without the term.
     """
     (p,), (c,) = model.effects[term.name].parameters, term.coordinates
+    near = cache(lambda: local.of(coordinates_of(model, [*(model.terms[n] for n in own.terms), term])))
 
     def left(value: float) -> float:
-        return _left(model, found, own, local, (term, value))
+        return _left(model, found, own, near(), (term, value))
 
     nominal = coordinate_of(p, p.nominal)
     sides = (nominal, -nominal) if p.lower < p.neutral < p.upper else (nominal,)
