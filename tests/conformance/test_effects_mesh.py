@@ -10,6 +10,7 @@ import model
 from ema.modal.mac import mac
 
 STACK = model.read_stack(Path(__file__).parents[2] / "data" / "demo_stack" / "stack.toml")
+FEW = dataclasses.replace(STACK, n_lamina=24)  # what is asked often is asked of the plan alone
 MESHES = ((16, 4), (24, 6))
 N_MODE = 14
 SAME = 0.03  # of what an effect changes in a mode
@@ -33,9 +34,9 @@ def observation():
     )
 
 
-def change(effect, mesh):
+def change(stack, effect, mesh):
     """What it changes of the logarithms of frequencies and of damping ratios, and how alike the shapes stay."""
-    stack = dataclasses.replace(STACK, mesh=model.Mesh(n_x=mesh[0], n_y=mesh[1])).with_effects(effect)
+    stack = dataclasses.replace(stack, mesh=model.Mesh(n_x=mesh[0], n_y=mesh[1])).with_effects(effect)
     system = model.reduce(stack, n_snapshot=2, n_mode=N_MODE + 6)
     neutral, nominal = (
         model.solve_modes(
@@ -66,7 +67,9 @@ def test_an_effect_changes_modes_as_much_on_a_finer_mesh(name):
         effect.terms(model.assemble(dataclasses.replace(STACK, mesh=model.Mesh(n_x=2, n_y=1))))
     except model.EffectError as error:
         pytest.skip(str(error))
-    (frequency, damping, alike), (frequency_there, damping_there, _) = (change(effect, m) for m in MESHES)
+    (frequency, damping, alike), (frequency_there, damping_there, _) = (
+        change(FEW if name in ONCE_OFF else STACK, effect, m) for m in MESHES
+    )
     kept = alike > ALIKE
     assert np.count_nonzero(kept) >= 4
     little = max(NOTHING, LITTLE * np.abs(frequency_there[kept]).max())

@@ -11,9 +11,12 @@ import pytest
 from rich.console import Console
 
 from ema.types.errors import EmaError
+from model import catalogue
+from updating.commands import update as update_command
 from updating.commands.update import parameter_table, read_update_file, run_update
 from updating.diagnosis.joint_answer import Updated
 from updating.errors import FitError
+from updating.pooled.joint_fit import joint_fit
 from updating.results.store import read_result
 
 ROOT = Path(__file__).parents[2]
@@ -22,10 +25,17 @@ SPEC = ROOT / "data/demo_stack/update.toml"
 
 @pytest.fixture(scope="module")
 def done(demo, tmp_path_factory):
-    """What is made of the identified modes of the demo."""
+    """What is made of the identified modes of the demo, with no effects beside: to reduce and search all takes long."""
     folder = tmp_path_factory.mktemp("update")
     shutil.copytree(demo[0], folder, dirs_exist_ok=True)
-    return folder, run_update(SPEC, folder, Console(quiet=True))
+
+    def fit(*given, known, **settings):
+        assert known.keys() == catalogue().keys()
+        return joint_fit(*given, known={}, **settings)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(update_command, "joint_fit", fit)
+        return folder, run_update(SPEC, folder, Console(quiet=True))
 
 
 def test_the_shipped_file_finds_the_pressure_law(done):
