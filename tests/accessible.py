@@ -11,11 +11,30 @@ CONTROLS = """(root) => [...document.querySelectorAll(
 """Controls at which Tab stops: of a group of radio buttons the one that is chosen; arrow keys go to the others."""
 
 
-def faults(page):
-    """Serious and critical faults that axe-core finds on a page as it is shown, each with the first place of it."""
+SETTLED = """async () => {
+  const begun = performance.now();
+  let last = begun;
+  const seen = new MutationObserver(() => { last = performance.now(); });
+  seen.observe(document, { subtree: true, childList: true, attributes: true, characterData: true });
+  while (performance.now() < Math.min(last + 1000, begun + 20_000)) await new Promise((done) => setTimeout(done, 50));
+  seen.disconnect();
+}"""
+
+
+def settled(page):
+    """Wait until nothing on a page has changed for a second; at most 20 s, for something may move for ever."""
+    page.evaluate(SETTLED)
+
+
+def faults(page, *rules):
+    """Serious and critical faults that axe-core finds on a page as it is shown, each with the first place of it.
+
+    They are those of all rules, or of some.
+    """
     axe = pytest.importorskip("axe_playwright_python", reason="no axe-playwright-python, of the extra dev")
     page.evaluate((files(axe) / "axe.min.js").read_text(encoding="utf-8"))
-    found = page.evaluate("axe.run(document, { resultTypes: ['violations'] })")["violations"]
+    asked = {"resultTypes": ["violations"], **({"runOnly": list(rules)} if rules else {})}
+    found = page.evaluate("(asked) => axe.run(document, asked)", asked)["violations"]
     return [
         (own["id"], own["nodes"][0]["html"][:200])
         for own in found

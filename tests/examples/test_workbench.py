@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from ema import read_poles
-from tests.accessible import faults, unreached
+from tests.accessible import faults, settled, unreached
 from updating.commands.fit import fit_campaign
 from updating.diagnosis.answer import Diagnosis
 from updating.report.files import NAMES
@@ -283,9 +283,12 @@ def test_sliders_move_the_model(page, folder):
 
 
 def test_who_cannot_see_or_point_uses_every_panel_too(page):
+    page.emulate_media(
+        reduced_motion="reduce"
+    )  # shapes that stand still leave the processor to what is asked
     for panel in ("Measurement", "Identification", "Comparison", "What if", "Diagnosis", "Report"):
         enter(page, panel)
-        page.wait_for_timeout(3000)  # names and sizes of what came in
+        settled(page)  # names and sizes of what came in
         assert unreached(page, ".v-window-item--active") == [], panel
         assert faults(page) == [], panel
     enter(page, "What if")
@@ -294,6 +297,7 @@ def test_who_cannot_see_or_point_uses_every_panel_too(page):
     sliders = page.evaluate(values)
     assert len(sliders) >= 3
     assert all(name and text for name, text in sliders), sliders
+    page.emulate_media(reduced_motion="no-preference")
 
 
 @pytest.mark.slow
