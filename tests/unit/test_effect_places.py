@@ -117,3 +117,30 @@ def test_mirrored_clamps_that_are_loose_lower_the_same_modes_and_others_do_not()
     np.testing.assert_allclose(loose[0], loose[3], rtol=1e-3)
     np.testing.assert_allclose(loose[1], loose[2], rtol=1e-3)
     assert np.abs(loose[0] / loose[1] - 1.0).max() > 0.01
+
+
+def test_a_loose_clamp_rides_on_its_seat_as_a_mass_on_a_spring():
+    """At the frequency of a mode the clamp has the apparent mass m / (1 - omega**2 m c)."""
+    mass, compliance = 0.4, 1e-8
+    heavy = [dataclasses.replace(clamp, mass=mass) for clamp in BAR.clamps]
+    loose = model.reduce(
+        dataclasses.replace(BAR, clamps=tuple(heavy)).with_effects(model.catalogue()["loose_clamp"]),
+        n_snapshot=1,
+    )
+    given = {"clamp_loss": 0.0, "clamp_number": 0.0, "clamp_compliance": compliance}
+    observation = model.Observation(
+        node=np.zeros(1, int), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]])
+    )
+    found = model.solve_modes(
+        loose, G_f=1480.0, d_f=1e-11, n_mode=10, observation=observation, parameters=given
+    ).elastic()
+    for mode, frequency in enumerate(found.frequency):
+        x = (2.0 * np.pi * frequency) ** 2 * mass * compliance
+        heavy[0] = dataclasses.replace(
+            BAR.clamps[0], mass=mass + mass * x * (1.0 - x) / ((1.0 - x) ** 2 + 0.01)
+        )
+        fixed = model.reduce(dataclasses.replace(BAR, clamps=tuple(heavy)), n_snapshot=1)
+        square = la.eigh(fixed.matrix("K", fixed.theta), fixed.matrix("M", fixed.theta), eigvals_only=True)[
+            6:10
+        ]
+        assert np.sqrt(square[mode]) / (2.0 * np.pi) == pytest.approx(frequency, rel=1e-4)

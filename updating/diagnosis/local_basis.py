@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.reduction.reduced_equations import InRange, Matrix, summed
+from updating.inference.protocol import Coordinate
 
 Vector = NDArray[np.float64]
 
@@ -67,3 +69,48 @@ def leading(gram: Vector, energy: Vector, mass: Vector) -> Vector:
     basis = la.solve_triangular(energy.T, direction[:, ::-1], check_finite=False)
     root = la.cholesky(basis.T @ mass @ basis, lower=True)
     return np.asarray(la.solve_triangular(root, basis.T, lower=True).T)
+
+
+MODES = ""
+"""The coordinate of vectors that answer to none."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Responses:
+    """The vectors that a basis was chosen from: modes, and answers to steps of coordinates.
+
+    Attributes
+    ----------
+    every : (n_basis, n) float
+        In coordinates of the whole model.
+    within : (size, n_basis) float
+        What gives their coordinates in the basis.
+    of : (n,) str
+        The coordinate that each answers to.
+    energy : (size, size) float
+        Lower Cholesky factor of what measures energy.
+    """
+
+    every: Vector
+    within: Vector
+    of: NDArray[np.str_]
+    energy: Vector
+
+    @cached_property
+    def grams(self) -> dict[str, Vector]:
+        """Sums of squares of the vectors of each coordinate, (size, size)."""
+        weighed = self.energy.T @ self.within @ self.every
+        each = {name: weighed[:, self.of == name] for name in np.unique(self.of).tolist()}
+        return {name: own @ own.T for name, own in each.items()}
+
+    def basis(self, coordinates: Sequence[Coordinate], at: Mapping[str, float]) -> Vector:
+        """Return a basis of what counts for some of the coordinates, (size, m), orthonormal.
+
+        What answers to a coordinate that is neutral where the vectors were made counts as it is at its starts.
+        """
+        total = self.grams[MODES].copy()
+        for c in coordinates:
+            far = max(map(abs, c.starts)) / c.step if len(c.starts) > 1 and at[c.name] == 0.0 else 1.0
+            if c.name in self.grams:
+                total += max(far, 1.0) ** 2 * self.grams[c.name]
+        return leading(total, self.energy, np.eye(len(total)))

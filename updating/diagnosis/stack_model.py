@@ -43,8 +43,9 @@ from updating.diagnosis.hypotheses import (
 from updating.diagnosis.moved import moved
 from updating.diagnosis.sensor_place import place_slopes
 from updating.diagnosis.slipping import slip_effect
-from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear, StackState
-from updating.diagnosis.stack_screen import TARGETS
+from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear
+from updating.diagnosis.stack_screen import ENERGIES
+from updating.diagnosis.stack_state import StackState
 from updating.inference.explain import Explanation
 from updating.inference.protocol import Coordinate, State, Term
 
@@ -331,7 +332,7 @@ class StackModel:
             resized = replace(other, terms=tuple(free))
             base = replace(self.equations, terms=tuple(t for t in self.equations.terms if t.name in plain))
             found: dict[str, Vector] = {}
-            for target in TARGETS[:2]:
+            for target in ENERGIES:
                 change = np.zeros((self.equations.size, self.equations.size))
                 change[:k, :k] = resized.matrix(target, contact) - base.matrix(target, contact)[:k, :k]
                 found[target] = change / ratio

@@ -6,22 +6,19 @@ import copy
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Effect, Parameter, ReducedEquations
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import Matrix, ReducedTerm, generic
-from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
-from updating.diagnosis.local_basis import N_FURTHER, gathered, leading, parallel, times
-from updating.diagnosis.stack_screen import TARGETS, StackScreen
-from updating.inference.protocol import Coordinate, Modal, State
+from updating.diagnosis.local_basis import MODES, N_FURTHER, Responses, gathered, leading, parallel, times
+from updating.diagnosis.stack_screen import ENERGIES, StackScreen
+from updating.diagnosis.stack_state import Whole
+from updating.inference.protocol import Coordinate, Modal
 
 Vector = NDArray[np.float64]
 
@@ -29,69 +26,6 @@ RATIOS = ("young", "density", "normal_modulus")
 """Nuisances that are logarithms of a ratio and parameters of the model."""
 RIGID = (2.0 * np.pi * 20.0) ** 2
 """Eigenvalue, (rad/s)**2, up to which a mode is rigid-body motion: suspensions give that some hertz."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StackState:
-    """One state of a stack: what it knows of itself, and the measurement.
-
-    Attributes
-    ----------
-    state : State
-        The measured modes.
-    parameter : mapping of str to float
-        Values that the state sets, pressure among them.
-    assembled : str
-        What was put together once: all its force levels share this name.
-    rows : (n_dof, n_basis) float
-        Measured points.
-    slope : (n_dof, n_basis) float
-        How these change as all points move along x, 1/m.
-    sensor : (n_dof,) int
-        The accelerometer that measured each shape component, from 0.
-    strain : (n_mode, n_share) float, optional
-        Strains of equal parts of the contact's energy in resonance of each mode, where amplitudes are known.
-    """
-
-    state: State
-    parameter: Mapping[str, float]
-    assembled: str
-    rows: Vector
-    slope: Vector
-    sensor: NDArray[np.int64]
-    strain: Vector | None = None
-
-
-class Whole(Protocol):
-    """What the equations near a point need of the model of a stack, `StackModel`."""
-
-    equations: ReducedEquations
-    candidates: CandidateModel
-    measured: tuple[StackState, ...]
-    places: tuple[str, ...]
-    dimensions: tuple[str, ...]
-    n_gain: int
-    n_equation: int
-    rigid: float
-    slip: Effect | None
-
-    @property
-    def parameters(self) -> Mapping[str, Parameter]:
-        """Parameters of all effects by name."""
-
-    def theta(self, at: Mapping[str, float], state: int) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the model's parameters in a state at coordinates by name, and their derivatives by coordinates."""
-
-    def finer_mesh(self, theta: Mapping[str, float]) -> tuple[Vector | None, Vector]:
-        """Return what a finer mesh adds to the stiffness between the modes of the plain stack, and M times these."""
-
-    def dimension(self, name: str, theta: Mapping[str, float]) -> dict[str, Vector]:
-        """Return the derivatives of K and M by the logarithm of a dimension."""
-
-    def acting(
-        self, thetas: Sequence[Mapping[str, float]], moving: frozenset[str]
-    ) -> list[tuple[ReducedTerm, frozenset[str]]]:
-        """Return the terms that do not vanish while some parameters move, with what of these each depends on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,50 +37,6 @@ class _Part:
     names: frozenset[str]
     needs: frozenset[str]
     matrix: Vector
-
-
-_MODES = ""  # what a vector that answers to no coordinate belongs to
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Responses:
-    """The vectors that a basis was chosen from: modes, and answers to steps of coordinates.
-
-    Attributes
-    ----------
-    every : (n_basis, n) float
-        In coordinates of the whole model.
-    within : (size, n_basis) float
-        What gives their coordinates in the basis.
-    of : (n,) str
-        The coordinate that each answers to.
-    energy : (size, size) float
-        Lower Cholesky factor of what measures energy.
-    """
-
-    every: Vector
-    within: Vector
-    of: NDArray[np.str_]
-    energy: Vector
-
-    @cached_property
-    def grams(self) -> dict[str, Vector]:
-        """Sums of squares of the vectors of each coordinate, (size, size)."""
-        weighed = self.energy.T @ self.within @ self.every
-        each = {name: weighed[:, self.of == name] for name in np.unique(self.of).tolist()}
-        return {name: own @ own.T for name, own in each.items()}
-
-    def basis(self, coordinates: Sequence[Coordinate], at: Mapping[str, float]) -> Vector:
-        """Return a basis of what counts for some of the coordinates, (size, m), orthonormal.
-
-        What answers to a coordinate that is neutral where the vectors were made counts as it is at its starts.
-        """
-        total = self.grams[_MODES].copy()
-        for c in coordinates:
-            far = max(map(abs, c.starts)) / c.step if len(c.starts) > 1 and at[c.name] == 0.0 else 1.0
-            if c.name in self.grams:
-                total += max(far, 1.0) ** 2 * self.grams[c.name]
-        return leading(total, self.energy, np.eye(len(total)))
 
 
 class StackNear:
@@ -199,7 +89,7 @@ class StackNear:
         self.parts = parts
         self.of_target = {t: [p for p in parts if p.target == t] for t in "KMC"}
         self.stacked = {t: np.array([p.matrix for p in own]) for t, own in self.of_target.items()}
-        self._moved = {n for t in TARGETS[:2] for p in self.of_target[t] for n in p.names & self.moving}
+        self._moved = {n for t in ENERGIES for p in self.of_target[t] for n in p.names & self.moving}
 
     def _placed(
         self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
@@ -209,7 +99,7 @@ class StackNear:
         made: dict[tuple[str, Target, tuple[float, ...]], list[Matrix]] = {}
         for theta in thetas:
             found.append({})
-            for name, target in itertools.product(self.near, TARGETS[:2]):
+            for name, target in itertools.product(self.near, ENERGIES):
                 acting = [t for t, names in terms if name in names and t.target == target]
                 derivative = tuple(t.factor.derivative(theta, name) for t in acting)
                 if any(derivative):
@@ -256,7 +146,7 @@ class StackNear:
                 reference = la.cholesky(stiffness + floor * mass, lower=True)
             size = np.sqrt(np.maximum(value, floor))
             blocks.append(vector[:, :n_basis] * (30.0 / size[:n_basis]))
-            of += [_MODES] * n_basis
+            of += [MODES] * n_basis
             low, beyond = vector[:, : self.n_equation], vector[:, n_basis:]
             lam = np.maximum(value[: self.n_equation], floor)
             below = value[n_basis:, None] - lam
@@ -304,7 +194,7 @@ class StackNear:
         self.basis = leading(weighed @ weighed.T, reference, first_mass)
         self.size = self.basis.shape[1]
         held = reference.T @ self.basis
-        self._responses: _Responses | None = _Responses(
+        self._responses: Responses | None = Responses(
             every=every,
             within=self.basis.T @ first_mass,
             of=np.array(of),
@@ -435,7 +325,7 @@ class StackNear:
             inertia = vector.T @ matrix["M"] @ vector
             damping = damping + 2.0 * at[DECAY] * inertia
             damps[self.at[DECAY]] = 2.0 * inertia[None]
-        of_mode, of_mode_change = self._of_mode(theta, state, between["K"]), dict[int, Vector]()
+        of_mode, of_mode_change = self._of_mode(theta, slope, state, between)
         slipping = self._slipping(at, state)
         if slipping is not None:
             G = self._columns("G_f", state)
@@ -447,7 +337,7 @@ class StackNear:
                 if i is None:
                     of_mode = block if of_mode is None else of_mode + block
                 else:
-                    of_mode_change[i] = block
+                    of_mode_change[i] = of_mode_change[i] + block if i in of_mode_change else block
             for i, change in ((None, lossy[0]), *lossy[1].items(), *((i, lossy[0]) for i in G)):
                 block = (change / omega)[:, None, None] * contact
                 if i is None:
@@ -531,7 +421,7 @@ class StackNear:
         linear = [self.at[n] for n in (*self.near, *self.sized)]
         moves = sorted({*linear, *(i for n in self._moved for i in columns[n])})
         row, found = {i: k for k, i in enumerate(moves)}, list[Vector]()
-        for target in TARGETS[:2]:
+        for target in ENERGIES:
             parts = self.of_target[target]
             weight = np.zeros((len(moves), len(parts)))
             for j, p in enumerate(parts):
@@ -582,16 +472,38 @@ class StackNear:
         omega = 2.0 * np.pi * self.whole.measured[state].state.frequency
         return [{**theta, OMEGA: w} for w in omega.tolist()]
 
-    def _of_mode(self, theta: Mapping[str, float], state: int, between: Vector) -> Vector | None:
-        """Return the stiffness that each measured mode feels beside that at the middle frequency; None without any."""
-        found: Vector | None = None
-        for p, block in zip(self.of_target["K"], between, strict=True):
-            if OMEGA in p.names:
-                away = np.array([p.factor(t) for t in self._at_modes(theta, state)]) - p.factor(theta)
+    def _of_mode(
+        self,
+        theta: Mapping[str, float],
+        slope: Mapping[str, float],
+        state: int,
+        between: Mapping[str, Vector],
+    ) -> tuple[Vector | None, dict[int, Vector]]:
+        """Return the stiffness that each measured mode feels beside that at the middle frequency, and its derivatives.
+
+        As (n_measured, n_equation, n_equation), None where nothing depends on frequency; derivatives by coordinate. A
+        mass that depends on it counts as minus omega_r**2 times its change.
+        """
+        found, changes = None, dict[int, Vector]()
+        each = self._at_modes(theta, state)
+        inertia = -np.array([at[OMEGA] ** 2 for at in each])
+        for target, scale in (("K", np.ones(len(each))), ("M", inertia)):
+            for p, block in zip(self.of_target[target], between[target], strict=True):
+                if OMEGA not in p.names:
+                    continue
+                square = block[: self.n_equation]
+                away = scale * (np.array([p.factor(t) for t in each]) - p.factor(theta))
                 if np.any(away):
-                    change = away[:, None, None] * block[: self.n_equation]
+                    change = away[:, None, None] * square
                     found = change if found is None else found + change
-        return found
+                for name in sorted(p.names & self.moving):
+                    here = p.factor.derivative(theta, name)
+                    rate = scale * (np.array([p.factor.derivative(t, name) for t in each]) - here)
+                    if np.any(rate):
+                        for i in self._columns(name, state):
+                            change = (rate * slope[name])[:, None, None] * square
+                            changes[i] = changes[i] + change if i in changes else change
+        return found, changes
 
     def _slipping(
         self, at: Mapping[str, float], state: int, *, step: float = 1e-3

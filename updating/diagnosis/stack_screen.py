@@ -11,7 +11,8 @@ from model.elements.equations import OMEGA, Target
 from updating.inference.protocol import Change, Modal
 
 Vector = NDArray[np.float64]
-TARGETS: tuple[Target, ...] = ("K", "M", "C")
+ENERGIES: tuple[Target, ...] = ("K", "M")
+TARGETS: tuple[Target, ...] = (*ENERGIES, "C")
 
 
 class Near(Protocol):
@@ -105,7 +106,7 @@ class StackScreen:
             acting = sorted({i for name in names for i in self._by_name.get((name, target), ())})
             acting = [i for i in acting if not of_target[i].needs & nothing]
             parts = [of_target[i] for i in acting]
-            slow = [OMEGA in p.names and target != "M" for p in parts]
+            slow = [OMEGA in p.names for p in parts]
             n = len(at_modes) if any(slow) else 1
             weight = np.zeros((1 + len(moved), n, len(parts)))  # of each part, and its derivatives
             for i, (p, each) in enumerate(zip(parts, slow, strict=True)):
@@ -120,7 +121,7 @@ class StackScreen:
         none = np.zeros((0, near.size, near.n_equation))
         (stiffness, far), (mass, heavy) = (
             summed(t, self._blocks.get(t, none), self._beyond.get(t, none[:, near.n_equation :, 0]))
-            for t in TARGETS[:2]
+            for t in ENERGIES
         )
         (damping,) = summed("C", self._blocks.get("C", none[:, : near.n_equation]))
         return Change(
