@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from model.elements.equations import Assembly
 from model.modes.modes import reduced_eigenpairs
-from model.reduction.reduction import ReducedSystem, acting, leading, reduced_terms, shifted_factor
+from model.reduction.reduction import ReducedSystem, leading, reduced_terms, shifted_factor
 from model.reduction.through_thickness import N_RIGID, SOFT, n_rigid, shear_shift
 from model.solvers.eigen import orthonormalize
 from model.solvers.low_rank import Factor
@@ -104,7 +104,7 @@ class _Correction:
 
     def __init__(self, system: ReducedSystem, theta: Mapping[str, float], n_mode: int) -> None:
         values, vectors, _ = reduced_eigenpairs(system, theta, n_mode)
-        self._assembly = acting(system.assembly, [theta])
+        self._assembly = system.assembly.acting([theta])
         self._stiffness, self._inertia = (self._assembly.krons(target, theta) for target in ("K", "M"))
         self._soft = SOFT * shear_shift(system.assembly.stack, theta)
         self._elastic = slice(n_rigid(system.stack), n_mode)

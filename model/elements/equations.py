@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
@@ -261,6 +261,11 @@ class Assembly:
     def with_terms(self, terms: tuple[Term, ...], theta: Mapping[str, float]) -> Assembly:
         """Return the assembly with further terms and the nominal values of their parameters."""
         return dataclasses.replace(self, terms=self.terms + terms, theta={**self.theta, **theta})
+
+    def acting(self, samples: Sequence[Mapping[str, float]]) -> Assembly:
+        """Return the assembly without the terms that vanish at all samples, such as those of neutral effects."""
+        terms = tuple(t for t in self.terms if any(t.factor(theta) != 0.0 for theta in samples))
+        return dataclasses.replace(self, terms=terms)
 
     def krons(self, target: Target, theta: Mapping[str, float]) -> tuple[Kron, ...]:
         """Return the Kronecker products of a matrix, factors multiplied in.

@@ -309,7 +309,7 @@ def _snapshot_basis(
     The directions of the modes are weighed where the first kind is given. Local effects have attachment modes at all
     samples but the outer two. Returned with the number of first vectors that are of modes.
     """
-    solver = solver_over_plan(acting(assembly, samples))
+    solver = solver_over_plan(assembly.acting(samples))
     mass = assembly.krons("M", assembly.theta)
 
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -415,12 +415,6 @@ def leading(
     return np.asarray(modes @ (principal[:, keep] / np.sqrt(energy[keep])))
 
 
-def acting(assembly: Assembly, samples: Sequence[Mapping[str, float]]) -> Assembly:
-    """Return the equations of motion without the terms that vanish at all samples, such as neutral effects'."""
-    terms = tuple(t for t in assembly.terms if any(t.factor(theta) != 0.0 for theta in samples))
-    return dataclasses.replace(assembly, terms=terms)
-
-
 def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str, float]) -> None:
     for name, (low, high) in ranges.items():
         if name not in theta:
@@ -466,7 +460,7 @@ def _samples(
 
 def shifted_factor(assembly: Assembly, theta: Mapping[str, float]) -> Factor:
     """Return the factor of K + shift M of the z-reduced equations at `theta`; the shift is `shear_shift`."""
-    return solver_over_plan(acting(assembly, [theta])).factor(theta, shear_shift(assembly.stack, theta))
+    return solver_over_plan(assembly.acting([theta])).factor(theta, shear_shift(assembly.stack, theta))
 
 
 def _without_rounding(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -316,6 +316,7 @@ def through_thickness_basis(
     tolerance : float
         Largest relative error of a frequency over the shapes.
     """
+    symmetric, laminas = _is_symmetric(laminas), laminas.acting(thetas)
     smooth = _polynomials(stack.n_lamina)
     reduced = laminas.project_z(smooth)
     found = _smooth_modes(reduced, stack, thetas, smooth, n_mode)
@@ -336,7 +337,7 @@ def through_thickness_basis(
         eigenvalues.append(exact)
         snapshots.append(vectors[:, :n_mode])
     elastic = _elastic(eigenvalues, snapshots, shifts)
-    functions, energy = _functions_and_energies(full, stack, thetas, elastic)
+    functions, energy = _functions_and_energies(full, stack, thetas, elastic, symmetric=symmetric)
 
     def worst_error(phi: Phi) -> float:
         """Return the largest relative error of a frequency over the shapes with these functions."""
@@ -402,7 +403,7 @@ def _on_mesh(full: Assembly, shapes: ShapePlan, phi: Phi, x: Vector) -> Vector:
 
 
 def _functions_and_energies(
-    full: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], samples: Vector
+    full: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], samples: Vector, *, symmetric: bool
 ) -> tuple[dict[Field, Vector], dict[Field, Vector]]:
     """Return principal through-thickness functions of each field and the energy that each carries in `samples`.
 
@@ -415,7 +416,6 @@ def _functions_and_energies(
     q11, _, q22, _ = stack.material.plane_stress()
     shear = stack.contact.pressure * float(np.exp(np.mean([np.log(theta["G_f"]) for theta in thetas])))
     d, a = jump(n).toarray(), mean(n).toarray()
-    symmetric = _is_symmetric(full)
     rigid = np.column_stack([np.ones(n), stack.lamina_z])[:, :n]
 
     def gram(weight: sp.csr_matrix, field: Field) -> Vector:

@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 from model import Effect, catalogue, read_stack
 from model.effects.parts import known_or_usual_instruments
 from model.modes.modes import reduced_eigenpairs
-from model.reduction.reduction import acting
 from model.reduction.through_thickness import N_RIGID, shear_shift
 from model.solvers.stack_solver import solver_over_plan
 from tests.studies.runner import DATA, study
@@ -71,7 +70,7 @@ def run(name: str, strength: float, G_f: float) -> BasisCase:
     theta = {**system.theta, "G_f": G_f, **at_strength(candidates().effects[name], strength)}
     with threadpool_limits(1):
         value, vector, _ = reduced_eigenpairs(system, theta, N_MODEL)
-        solver = solver_over_plan(acting(system.assembly, [theta]))
+        solver = solver_over_plan(system.assembly.acting([theta]))
         exact, _ = solver.modes(
             theta,
             shear_shift(system.stack, theta),
