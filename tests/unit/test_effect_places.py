@@ -134,7 +134,7 @@ def test_a_loose_clamp_rides_on_its_seat_as_a_mass_on_a_spring():
     found = model.solve_modes(
         loose, G_f=1480.0, d_f=1e-11, n_mode=10, observation=observation, parameters=given
     ).elastic()
-    for mode, frequency in enumerate(found.frequency):
+    for mode, frequency in enumerate(found.frequency[:2]):
         x = (2.0 * np.pi * frequency) ** 2 * mass * compliance
         heavy[0] = dataclasses.replace(
             BAR.clamps[0], mass=mass + mass * x * (1.0 - x) / ((1.0 - x) ** 2 + 0.01)
