@@ -6,8 +6,9 @@ It needs CalculiX as `ccx` on the path (Debian and Ubuntu: `apt install calculix
 written twice, the second time with the modulus of the outer strip doubled, so that the strip's share of the stiffness
 is the difference.
 
-The test is simulated with a finer mesh, softer springs and a mass that the model lacks; what these are stands in
-truth.json, which no command reads.
+The tests are simulated with a finer mesh, softer springs and a mass that the model lacks; what these are stands in
+truth.json, which no command reads. Of four states each is mounted anew, on springs a little different, and one has a
+second mass.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ _BRICK = (
 
 
 TRUTH = {"springs": 0.7, "strip": 1.0, "mass_kg": 0.045, "at_mm": [240.0, 160.0]}
+MOUNTED = {"again": 0.708, "control": 0.694, "after": 0.703}  # springs of further states
+CHANGE = {"state": "after", "added_kg": 0.03, "at_mm": [80.0, 40.0]}
 FINE = (12, 8)  # elements of the second model
 SENSOR_MM = [(40.0 * i, 40.0 * j) for i in range(1, 7) for j in range(5)]
 DRIVE = 21  # number of the point of the force
@@ -116,29 +119,48 @@ def simulated(folder: Path) -> None:
 
     root = place[:, 0] == 0.0
     spring = TRUTH["springs"] * 23 * SPRING / (root.sum() / 3)  # N/mm on each of more nodes
-    stiffness = matrix("fine.sti") + sp.diags_array(root * spring)
-    heavy = np.all(place[:, :2] == TRUTH["at_mm"], axis=1)  # a bolt: all through the thickness
-    mass = matrix("fine.mas") + sp.diags_array(heavy * 1e-3 * TRUTH["mass_kg"] / (heavy.sum() / 3))
-    square, shape = sla.eigsh(stiffness, 30, sp.csc_matrix(mass), sigma=-1e4, v0=np.ones(len(label)))
-    omega = np.sqrt(square)
+    free, mass = matrix("fine.sti"), matrix("fine.mas")
     rows = [
         int(np.flatnonzero(np.all(place == [x, y, THICKNESS], axis=1) & (label[:, 1] == 3))[0])
         for x, y in SENSOR_MM
     ]
+
+    def bolted(at_mm: object, kg: object) -> sp.dia_array:
+        heavy = np.all(place[:, :2] == at_mm, axis=1)  # a bolt: all through the thickness
+        return sp.diags_array(heavy * 1e-3 * kg / (heavy.sum() / 3))
+
+    mass = mass + bolted(TRUTH["at_mm"], TRUTH["mass_kg"])
+    rng = np.random.default_rng(67)
+    omega = measured("plate", free + sp.diags_array(root * spring), mass, rows, rng)
+    for state, springs in MOUNTED.items():
+        own = free + sp.diags_array(root * spring * springs / TRUTH["springs"])
+        more = bolted(CHANGE["at_mm"], CHANGE["added_kg"]) if state == CHANGE["state"] else 0.0 * mass
+        measured(state, own, mass + more, rows, rng)
+    (HERE / "points.csv").write_text(
+        "node,x,y,z\n" + "".join(f"{n + 1},{x:g},{y:g},{THICKNESS:g}\n" for n, (x, y) in enumerate(SENSOR_MM))
+    )
+    truth = {**TRUTH, "frequency_Hz": (omega / (2.0 * np.pi))[:12].round(4).tolist(), "damping": DAMPING}
+    truth |= {"springs_of": MOUNTED, "change": CHANGE}
+    (HERE / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
+
+
+def measured(
+    name: str, stiffness: sp.sparray, mass: sp.sparray, rows: list[int], rng: np.random.Generator
+) -> np.ndarray:
+    """Write what a test measures of a structure in mm-t-s, and return its angular frequencies."""
+    square, shape = sla.eigsh(
+        sp.csc_matrix(stiffness), 30, sp.csc_matrix(mass), sigma=-1e4, v0=np.ones(mass.shape[0])
+    )
+    omega = np.sqrt(square)
     seen = shape[rows] * 1e3**-0.5  # 1/sqrt(t) to 1/sqrt(kg)
     w = 2.0 * np.pi * np.arange(20.0, 1600.0, 1.0)
     gain = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * DAMPING * omega[:, None] * w)
     value = -(w**2) * ((seen * seen[DRIVE - 1]) @ gain)  # (m/s2)/N
-    rng = np.random.default_rng(67)
     noise = (
         rng.standard_normal((2, *value.shape)) * np.sqrt(np.mean(abs(value) ** 2, axis=1))[:, None] / 2**0.5
     )
     value = value + NOISE * (noise[0] + 1j * noise[1])
     node = np.arange(1, len(rows) + 1)
-    (HERE / "points.csv").write_text(
-        "node,x,y,z\n"
-        + "".join(f"{n},{x:g},{y:g},{THICKNESS:g}\n" for n, (x, y) in zip(node, SENSOR_MM, strict=True))
-    )
     up = np.tile([0.0, 0.0, 1.0], (len(rows), 1))
     geometry = Geometry(
         node=node,
@@ -155,9 +177,8 @@ def simulated(folder: Path) -> None:
         source=("simulated",) * len(rows),
         coherence=None,
     )
-    write_uff(HERE / "plate.uff", geometry, frf)
-    truth = {**TRUTH, "frequency_Hz": (omega / (2.0 * np.pi))[:12].round(4).tolist(), "damping": DAMPING}
-    (HERE / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
+    write_uff(HERE / f"{name}.uff", geometry, frf)
+    return omega
 
 
 def main() -> None:

@@ -36,7 +36,7 @@ for own in modes.values():
 # What changed, and where, takes a model that is fitted to the reference. Of thousands of locations, sizes and
 # directions of each kind of change it says which are likely. ``lamella diagnose`` does this on the full mesh.
 from updating.changes.compare import what_changed
-from updating.changes.situation import fit_reference
+from updating.changes.reference import fit_reference
 from updating.diagnosis.candidates import candidate_model, instruments_of
 
 stack = replace(model.read_stack(DATA / "hidden_effect/stack.toml"), mesh=model.Mesh(n_x=12, n_y=3))

@@ -1,11 +1,15 @@
 """The shipped model of another program, from the command line: its hidden mass, and what needs a stack says so."""
 
+import json
 import re
 import shutil
 
+import numpy as np
 import pytest
 
 from tests.command import ROOT, lamella
+from updating.results.store import read_result
+from updating.results.what_changed import WhatChanged
 
 EXAMPLE = ROOT / "data/matrices_example"
 
@@ -42,6 +46,25 @@ def test_modes_of_the_model_are_listed(tmp_path):
     assert found.returncode == 0, found.stderr
     assert "total mass 1.20576 kg" in found.stdout
     assert "32.7254" in found.stdout
+
+
+def test_what_changed_is_named_and_of_a_repeat_nothing_is(tmp_path, undrawn):
+    done = lamella("diagnose", EXAMPLE / "changes.toml", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = " ".join(done.stdout.split())
+    assert "control against before and again: no change is seen" in said
+    assert "control, what and where: nothing to place" in said
+    assert "after, what and where: a mass that was added" in said
+    truth = json.loads((EXAMPLE / "truth.json").read_text())["change"]
+    found = read_result(tmp_path / "after/what_changed.json", WhatChanged)
+    own = found.kind("added_mass")
+    assert found.verdict == "identified"
+    assert own.place[:2] == pytest.approx(1e-3 * np.array(truth["at_mm"]), abs=0.01)
+    assert own.lower < truth["added_kg"] < own.upper
+    assert own.part.startswith("node ")
+    made = lamella("report", tmp_path)
+    assert made.returncode == 0, made.stderr
+    assert "What changed in after, and where" in (tmp_path / "report.html").read_text()
 
 
 @pytest.mark.parametrize("command", ["next-test"])

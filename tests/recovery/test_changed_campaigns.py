@@ -8,7 +8,7 @@ import pytest
 import ema
 import model
 from updating.changes.compare import what_changed
-from updating.changes.situation import fit_reference
+from updating.changes.reference import fit_reference
 from updating.diagnosis.candidates import candidate_model, instruments_of
 
 DATA = Path(__file__).parents[2] / "data/hidden_effect"

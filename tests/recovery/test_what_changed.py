@@ -14,7 +14,7 @@ from model.stack.parts import EdgeSupport
 from tests.independent.solid import Solid
 from tests.recovery.changed_stacks import pair
 from updating.changes.compare import what_changed
-from updating.changes.situation import fit_reference
+from updating.changes.reference import fit_reference
 from updating.diagnosis.candidates import candidate_model, instruments_of
 from updating.errors import FitError
 

@@ -23,7 +23,7 @@ from tests.independent.plate import Plate
 from tests.independent.solid import Solid
 from tests.studies.runner import BLIND, Share, share, study
 from updating.changes.compare import what_changed
-from updating.changes.situation import FittedReference, fit_reference
+from updating.changes.reference import FittedReference, fit_reference
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
 from updating.results.what_changed import WhatChanged
 

@@ -14,7 +14,7 @@ from scipy.stats import norm
 
 import model
 from model.stack.parts import EdgeSupport
-from updating.changes.candidate import lines, places
+from updating.changes.candidate import lines
 from updating.changes.compare import _verdict
 from updating.changes.fields import Fields
 from updating.changes.kinds import kinds
@@ -45,7 +45,7 @@ def system(n_lamina, held):
 def fields(n_lamina, held=False, m=10):
     own = system(n_lamina, held)
     stiffness, mass = own.matrix("K", own.theta), own.matrix("M", own.theta)
-    return own, Fields(own, own.basis @ la.eigh(stiffness, mass)[1][:, :m], own.theta, (100.0, 1000.0))
+    return own, Fields(own, la.eigh(stiffness, mass)[1][:, :m], own.theta, (100.0, 1000.0))
 
 
 def projected(own, made, name):
@@ -101,10 +101,10 @@ def test_a_line_has_its_length_where_the_plan_is_and_nothing_beyond():
 
 def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
     for n_lamina, held in ((1, True), (12, False)):
-        own, made = fields(n_lamina, held)
-        at, _ = places(made)
+        _, made = fields(n_lamina, held)
+        at, _ = made.places()
         for kind in kinds():
-            why = kind.why_not(own.stack)
+            why = kind.why_not(made)
             if why is not None:
                 assert len(why) > 10
                 continue
@@ -118,7 +118,7 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
 
 
 def test_what_a_structure_does_not_have_cannot_have_changed():
-    plate, stack = system(1, False).stack, system(12, False).stack
+    plate, stack = (fields(n)[1] for n in (1, 12))
     why = {kind.name: (kind.why_not(plate), kind.why_not(stack)) for kind in kinds()}
     assert why["lost_contact"][0] is not None
     assert why["lost_contact"][1] is None
@@ -155,11 +155,11 @@ def changed_plate(planted):
     low = la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta))
     more_stiff, more_mass = planted(own.assembly)
     value, vector = la.eigh(stiffness + more_stiff, mass + more_mass, subset_by_index=[0, 4])
-    weight = vector.T @ mass @ made.vectors
+    weight = vector.T @ mass @ own.basis @ low[1][:, :7]
     weight = weight / np.linalg.norm(weight, axis=1)[:, None]
     scale = np.sqrt(np.outer(value, low[0][:7]))
     ours = Measured(weight=weight, eigenvalue=value, scale=scale)
-    at = types.SimpleNamespace(fields=made, modes=low[1][:, :7], ours=ours)
+    at = types.SimpleNamespace(structure=made, ours=ours)
     return at, (value[:, None] - low[0][:7]) * weight / scale
 
 
@@ -178,7 +178,7 @@ def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(
 
     at, error = changed_plate(planted)
     kind = next(own for own in kinds() if own.name == name)
-    candidates = kind.candidates(at.fields, place)
+    candidates = kind.candidates(at.structure, place)
     left = error + Condensed(at).change(kind, candidates, 0)(np.array([size]))[0].reshape(error.shape)
     first = error + size * Actions(at.ours).of(candidates)[0]
     assert np.linalg.norm(first) > 5e-3 * np.linalg.norm(error)

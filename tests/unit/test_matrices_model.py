@@ -1,14 +1,12 @@
 """Structures of matrices behind the inference: derivatives, fits of stated terms, and what is missing."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import model
-from ema import read_campaign
-from ema.modal.read_modes import read_modes
+from tests.matrices_plate import EXAMPLE, POINTS, as_measured, noisy
 from updating.diagnosis import evidence
 from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.evidence import POINTS_SHIFT, DiagnosisScatter
@@ -16,10 +14,6 @@ from updating.diagnosis.matrices_answer import diagnose_matrices, fit_matrices
 from updating.diagnosis.matrices_model import MatricesModel
 from updating.errors import PairingError
 from updating.inference.explain import coordinates_of
-
-EXAMPLE = Path(__file__).parents[2] / "data/matrices_example"
-BAND = 1400.0  # Hz
-STD = {"frequency": 2e-4, "shape": 0.01}
 
 
 @pytest.fixture(scope="module")
@@ -30,11 +24,10 @@ def structure():
 @pytest.fixture(scope="module")
 def measured(structure, tmp_path_factory):
     """Make modes, as a test gives them, of the structure at some factors with some strengths of effects."""
-    points = np.loadtxt(EXAMPLE / "points.csv", delimiter=",", skiprows=1)
     folder = tmp_path_factory.mktemp("modes")
 
     def make(factors, effects=None):
-        whole = _of(structure, _modes(folder, points, np.ones(1), np.ones((len(points), 1))))
+        whole = _of(structure, as_measured(folder, np.ones(1), np.ones((len(POINTS), 1))))
         coordinates = coordinates_of(whole, [whole.terms[name] for name in effects or {}])
         at = {name: np.log(value) for name, value in factors.items()}
         at |= {name: coordinate_of(whole.parameters[name], value) for name, value in (effects or {}).items()}
@@ -42,38 +35,9 @@ def measured(structure, tmp_path_factory):
         modal = whole.about(coordinates, [x]).modal(x, 0)
         frequency = np.sqrt(np.concatenate([modal.eigenvalue, modal.beyond])) / (2 * np.pi)
         rows = np.hstack([modal.rows, modal.beyond_rows])
-        seen = (frequency < BAND) & (np.abs(rows).max(axis=0) > 0.2)
-        rng = np.random.default_rng(3)
-        frequency = frequency[seen] * (1 + STD["frequency"] * rng.standard_normal(seen.sum()))
-        size = np.sqrt(np.mean(rows[:, seen] ** 2, axis=0))
-        shape = rows[:, seen] + STD["shape"] * size * rng.standard_normal((len(points), seen.sum()))
-        return _modes(folder, points, frequency, shape)
+        return noisy(folder, frequency, rows, 3)
 
     return make
-
-
-def _modes(folder, points, frequency, shape):
-    n = frequency.size
-    (folder / "modes.csv").write_text(
-        "mode,frequency_Hz,damping,frequency_std_Hz,damping_std,shape_std\n"
-        + "".join(
-            f"{i + 1},{f},0.01,{STD['frequency'] * f},0.001,{STD['shape']}\n" for i, f in enumerate(frequency)
-        )
-    )
-    names = ",".join(f"mode_{i + 1}_real,mode_{i + 1}_imag" for i in range(n))
-    (folder / "shapes.csv").write_text(
-        f"node,x,y,z,{names}\n"
-        + "".join(
-            f"{int(p[0])},0,0,1,{','.join(f'{v},0' for v in row)}\n"
-            for p, row in zip(points, shape, strict=True)
-        )
-    )
-    (folder / "points.csv").write_text((EXAMPLE / "points.csv").read_text())
-    (folder / "campaign.toml").write_text(
-        '[campaign]\nname = "test"\n[points]\nfile = "points.csv"\nunit = "mm"\n[[configuration]]\nname = "plate"\n'
-        'modes = "file"\ninput = "21+z"\nfiles = ["modes.csv", "shapes.csv"]\n'
-    )
-    return read_modes(read_campaign(folder / "campaign.toml"), "plate").modal_model
 
 
 def _of(structure, modes):

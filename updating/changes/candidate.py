@@ -4,47 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model import Stack
-from updating.changes.fields import Fields, Grid
+from updating.changes.fields import Grid
+from updating.changes.structure import Part, Structure
 
 Vector = NDArray[np.float64]
-
-N_PLACE = 220
-"""Locations at which a kind is tried on one lamina; on a stack, where most have a height as well, half as many."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Part:
-    """A weighted sum of squares of rows that a change adds to the stiffness or to the mass.
-
-    Attributes
-    ----------
-    rows : (n_point, R, m) float
-        Rows of the modes at points. Parts that share them hold the same array.
-    target : "K" or "M"
-        What it is added to.
-    weight : (n_candidate, n_point) sparse
-        For an amplitude of 1.
-    resonance : (n_candidate,) float, optional
-        Eigenvalue, (rad/s)**2, of a mass that rides on a spring; infinite where it is tied. At a mode lambda such a
-        mass acts as one that is 1 / (1 - lambda / resonance) times as large.
-    """
-
-    rows: Vector
-    target: Literal["K", "M"]
-    weight: Any
-    resonance: Vector | None = None
-
-    def only(self, which: NDArray[np.intp]) -> Part:
-        """Return what it is for some of the candidates."""
-        resonance = None if self.resonance is None else self.resonance[which]
-        return Part(rows=self.rows, target=self.target, weight=self.weight[which], resonance=resonance)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,7 +31,7 @@ class Candidates:
     layer : (n,) int
         Part of the height, 0 for all of it.
     part : (n,) int
-        Number of the clamp, edge or patch that it sits at, from 0; -1 where a kind has none.
+        Number of the clamp, edge, node or term that it sits at, from 0; -1 where a kind has none.
     parts : tuple of Part
         What they add.
     upper : float
@@ -134,16 +103,17 @@ class Kind:
     quantity, unit : str
         What its size is, such as "mass", and its unit.
     why_not : callable
-        Takes the stack; why it cannot have such a change, None where it can.
+        Takes the structure; why it cannot have such a change, None where it can.
     candidates : callable
-        Takes the fields and locations over the plan, (n, 2) m; returns what to try there, for each size and direction
-        all locations one after the other. Kinds that are not of the plan look at the fields alone.
+        Takes the structure, its `Fields` where the kind is of laminas, and locations, (n, 2) over the plan or (n, 3),
+        m; returns what to try there, for each size and direction all locations one after the other. Kinds that may not
+        be anywhere look at the structure alone.
     value : callable
         Takes candidates and amplitudes, (n,) or (n, k); returns sizes in SI units.
     local : bool
         Whether it sits at one location; otherwise it is all over.
     on_plan : bool
-        Whether that location may be anywhere on the plan; otherwise it is a clamp or an edge.
+        Whether that location may be anywhere; otherwise it is a clamp or an edge.
     exact : callable, optional
         The same as `value` of amplitudes that were estimated with the structure's answer
         (`updating.changes.refined`); None where its rows hold to first order only, as beside the tip of a crack.
@@ -157,8 +127,8 @@ class Kind:
     label: str
     quantity: str
     unit: str
-    why_not: Callable[[Stack], str | None]
-    candidates: Callable[[Fields, Vector], Candidates]
+    why_not: Callable[[Structure], str | None]
+    candidates: Callable[[Any, Vector], Candidates]
     value: Callable[[Candidates, Vector], Vector]
     exact: Callable[[Candidates, Vector], Vector] | None = amplitude
     whole: float = np.inf
@@ -176,52 +146,41 @@ def gone(candidates: Candidates, found: Vector) -> Vector:  # noqa: ARG001
     return np.asarray(np.minimum(found / (1.0 + 0.5 * found), 1.0))
 
 
-def always(stack: Stack) -> str | None:  # noqa: ARG001
+def always(structure: Structure) -> str | None:  # noqa: ARG001
     """Return None: any structure can have it."""
     return None
 
 
-def needs_contact(stack: Stack) -> str | None:
-    """Return why a stack without interfaces cannot have a change of contact."""
+_NO_LAMINAS = "its model is matrices, which know of no laminas"
+
+
+def needs_laminas(structure: Structure) -> str | None:
+    """Return why matrices cannot have a change of strains in a patch: only their terms say which part strains."""
+    return _NO_LAMINAS if structure.stack is None else None
+
+
+def needs_contact(structure: Structure) -> str | None:
+    """Return why a structure without interfaces cannot have a change of contact."""
+    stack = structure.stack
+    if stack is None:
+        return _NO_LAMINAS
     return None if stack.n_lamina > 1 else "one lamina has no contact with another"
 
 
-def needs_supports(stack: Stack) -> str | None:
+def needs_supports(structure: Structure) -> str | None:
     """Return why a structure that nothing holds cannot have a change of what holds it."""
+    stack = structure.stack
+    if stack is None:
+        return "its model is matrices, in which a stated term holds it"
     return None if stack.supports else "nothing holds it"
 
 
-def needs_clamps(stack: Stack) -> str | None:
+def needs_clamps(structure: Structure) -> str | None:
     """Return why a structure without clamps cannot have a change of them."""
+    stack = structure.stack
+    if stack is None:
+        return _NO_LAMINAS
     return None if stack.clamps and stack.n_lamina > 1 else "it has no clamps that press laminas together"
-
-
-def places(fields: Fields) -> tuple[Vector, Vector]:
-    """Return locations over the plan, (n, 2) m, evenly spaced, and their steps along x and y.
-
-    The outer ones are half a step from the edges.
-    """
-    grid = fields.grid
-    n = N_PLACE if fields.stack.n_lamina == 1 else N_PLACE // 2
-    sides = [float(np.ptp(line)) for line in (grid.x, grid.y)]
-    step = np.sqrt(sides[0] * sides[1] / n)
-    lines, steps = [], []
-    for line, side in zip((grid.x, grid.y), sides, strict=True):
-        count = max(3, round(side / step))
-        lines.append(line[0] + (np.arange(count) + 0.5) * side / count)
-        steps.append(side / count)
-    found = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
-    _, share = grid.shares(found)
-    return found[share.sum(axis=1) > 0.5], np.array(steps)
-
-
-def finer(fields: Fields, centre: Vector, step: Vector, n: int = 3) -> Vector:
-    """Return n by n locations within the cell about each of some, (n n k, 2), cell after cell; none is off the plan."""
-    part = (np.arange(n) - (n - 1) / 2.0) / n
-    away = np.stack(np.meshgrid(part, part, indexing="ij"), axis=-1).reshape(-1, 2) * step
-    found = (centre[:, None] + away).reshape(-1, 2)
-    low, high = np.asarray(fields.system.assembly.plan.bounds).T
-    return np.clip(found, low, high)
 
 
 def bumps(grid: Grid, centre: Vector, radius: Vector) -> Any:

@@ -19,20 +19,14 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import Reassembly
-from updating.changes.candidate import Candidates, Kind, finer, joined_candidates, places, three
+from updating.changes.candidate import Candidates, Kind, joined_candidates, three
 from updating.changes.damping import damping_changes
-from updating.changes.fields import Fields
 from updating.changes.kinds import kinds
+from updating.changes.reference import FittedReference
 from updating.changes.refined import Condensed, Refined, refine
 from updating.changes.scan import Actions, Weighed, conditional, weigh
-from updating.changes.situation import (
-    EXPLAINED,
-    IDEAL,
-    IN_FULL,
-    SCATTER_SPREAD,
-    FittedReference,
-    Situation,
-)
+from updating.changes.situation import EXPLAINED, IDEAL, IN_FULL, SCATTER_SPREAD, Situation
+from updating.changes.structure import Structure
 from updating.diagnosis.assembly import Campaigned
 from updating.inference.levels import MISSING, NAMED, SEPARATE
 from updating.results.what_changed import KindOfChange, Verdict, WhatChanged, sentences
@@ -85,9 +79,8 @@ def what_changed(
     assembly = Reassembly() if reassembly is None else reassembly
     stated = float(np.sqrt(2.0)) * assembly.frequency
     at = Situation(reference, changed)
-    stack = reference.candidates.stack
     every = kinds() if known is None else known
-    impossible = {kind.name: why for kind in every if (why := kind.why_not(stack)) is not None}
+    impossible = {kind.name: why for kind in every if (why := kind.why_not(at.structure)) is not None}
     if np.isfinite(at.shift).all():
         no_split = "it splits a mode in two, and this state has no further mode"
         impossible |= {kind.name: no_split for kind in every if kind.splits}
@@ -161,12 +154,12 @@ class _Tried:
 
 def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
     """Return all candidates, more closely where they are likely: cells that hold most of it are cut in nine."""
-    actions, (place, step) = Actions(at.ours), places(at.fields)
+    actions, (place, step) = Actions(at.ours), at.structure.places()
     error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
     root = la.cholesky(covariance, lower=True, check_finite=False)
     found = []
     for kind in every:
-        own = kind.candidates(at.fields, place)
+        own = kind.candidates(at.structure, place)
         if not own.n:
             continue
         batch = _batch(kind, own, np.full(own.n, -np.log(own.n)), actions)
@@ -177,7 +170,7 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
             near = np.argsort(-cell)[:MOST_CELLS]
             near = near[cell[near] > LEAST_SHARE]
             keep = np.flatnonzero(~np.isin(own.cell, near))
-            closer = kind.candidates(at.fields, finer(at.fields, place[near], step))
+            closer = kind.candidates(at.structure, at.structure.finer(place[near], step))
             found.append(_batch(kind, own.only(keep), np.full(keep.size, -np.log(own.n)), actions))
             ratio = own.n / len(place) * len(near) / closer.n  # of the prior of a cell that each has
             batch = _batch(kind, closer, np.full(closer.n, np.log(ratio / own.n)), actions)
@@ -316,7 +309,7 @@ def _answer(
     made = _made(at, best)
     used = [own for own in found if own.kind.local and (own.kind.name in left or not left)]
     chance = {own.kind.name: float(probability[i]) for i, own in enumerate(found)}
-    x, y, where = _map(at.fields, [(own, chance[own.kind.name]) for own in used])
+    x, y, where = _map(at.structure, [(own, chance[own.kind.name]) for own in used])
     n = at.n_reference
     return WhatChanged(
         name=at.changed[0][0],
@@ -337,7 +330,9 @@ def _answer(
         x=x,
         y=y,
         map=where,
-        box=np.asarray(at.fields.system.assembly.plan.bounds, dtype=float),
+        axes=at.structure.axes,
+        ends=at.structure.ends,
+        box=at.structure.box,
         sentences=(),
     )
 
@@ -394,6 +389,7 @@ def _explained(own: _Tried, misfit: Vector, n: int) -> float:
 def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: Vector) -> KindOfChange:
     """Return what is known of a kind: where and how large it is."""
     candidates, share = own.candidates, own.share
+    local = own.kind.local and bool(at.structure.axes)
     each = share.sum(axis=0)
     i = int(np.argmax(each))
     nowhere = (float("nan"),) * 3
@@ -406,10 +402,10 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
         label=own.kind.label,
         log_odds=odds,
         probability=probability,
-        local=own.kind.local,
-        place=three(mean) if own.kind.local else nowhere,
-        place_std=three(spread) if own.kind.local else nowhere,
-        best=three(candidates.place[i]) if own.kind.local else nowhere,
+        local=local,
+        place=three(mean) if local else nowhere,
+        place_std=three(spread) if local else nowhere,
+        best=three(candidates.place[i]) if local else nowhere,
         quantity=own.kind.quantity,
         unit=own.kind.unit,
         size=middle,
@@ -419,8 +415,8 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
         angle=float(candidates.angle[i])
         if each[candidates.angle == candidates.angle[i]].sum() > SURE
         else float("nan"),
-        layer=at.fields.layers[int(candidates.layer[i])].name,
-        part=_part(at.fields, own.kind, int(candidates.part[i])),
+        layer=at.structure.layer_name(int(candidates.layer[i])),
+        part=at.structure.part_name(own.kind.name, int(candidates.part[i])),
         explained=_explained(own, misfit, at.ours.weight.size),
     )
 
@@ -452,15 +448,6 @@ def _size(own: _Tried) -> list[float]:
     return _quantiles(value.ravel(), np.repeat(own.share.ravel(), _NODES.size), levels)
 
 
-def _part(at: Fields, kind: Kind, number: int) -> str:
-    """Return what a clamp or an edge is called."""
-    if number < 0:
-        return ""
-    if "edge" not in kind.name:
-        return f"clamp {number + 1}"
-    return f"the {at.stack.supports[number].edge} edge"  # type: ignore[union-attr]  # patches are no edges
-
-
 def _quantiles(value: Vector, share: Vector, levels: Sequence[float]) -> list[float]:
     """Return weighted quantiles."""
     order = np.argsort(value)
@@ -468,13 +455,18 @@ def _quantiles(value: Vector, share: Vector, levels: Sequence[float]) -> list[fl
     return [float(value[order][min(int(np.searchsorted(passed, level)), value.size - 1)]) for level in levels]
 
 
-def _map(grid: Fields, used: Sequence[tuple[_Tried, float]]) -> tuple[Vector, Vector, Vector]:
-    """Return the middles of cells along x and y and the probability of each cell, (n_x, n_y)."""
-    cells, _ = places(grid)
-    x, y = (np.unique(np.round(cells[:, axis], 9)) for axis in (0, 1))
+def _map(structure: Structure, used: Sequence[tuple[_Tried, float]]) -> tuple[Vector, Vector, Vector]:
+    """Return the middles of cells along the first two axes and the probability of each cell, (n_x, n_y)."""
+    axes = ["xyz".index(name) for name in structure.axes[:2]]
+    if not axes:
+        return np.zeros(0), np.zeros(0), np.zeros((0, 0))
+    cells, _ = structure.places()
+    x, y = (np.unique(np.round(cells[:, axis], 9)) for axis in axes)
     found = np.zeros((x.size, y.size))
     for own, chance in used:
-        i = np.argmin(np.abs(own.candidates.place[:, [0]] - x), axis=1)
-        j = np.argmin(np.abs(own.candidates.place[:, [1]] - y), axis=1)
+        i, j = (
+            np.argmin(np.abs(own.candidates.place[:, [axis]] - line), axis=1)
+            for axis, line in zip(axes, (x, y), strict=True)
+        )
         np.add.at(found, (i, j), chance * own.share.sum(axis=0))
     return x, y, found / max(found.sum(), 1e-300)

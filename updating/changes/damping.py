@@ -9,18 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from updating.changes.candidate import Candidates, Part, at_heights, places, plain, three
+from updating.changes.candidate import Candidates, needs_contact, plain, three
 from updating.changes.fields import Fields
 from updating.changes.kinds.everywhere import all_over, interfaces
 from updating.changes.kinds.patches import patches
-from updating.changes.kinds.point_masses import at_points
 from updating.changes.scan import Actions
 from updating.changes.situation import SCATTER_SPREAD, Situation
+from updating.changes.structure import Part, Structure
 from updating.inference.levels import MISSING
 from updating.results.what_changed import KindOfChange
 
@@ -43,7 +44,7 @@ class DampingKind:
     name, label : str
         Its key, and what it is called.
     candidates : callable, optional
-        Takes the fields and locations; returns what to try, or None where the structure has nothing of the kind. A kind
+        Takes the structure and locations; returns what to try, or None where that has nothing of the kind. A kind
         without any changes all damping ratios by one factor.
     sign : float
         1 where damping rises, -1 where it falls.
@@ -58,27 +59,29 @@ class DampingKind:
     name: str
     label: str
     sign: float
-    candidates: Callable[[Fields, Vector], Candidates | None] | None = None
+    candidates: Callable[[Structure, Vector], Candidates | None] | None = None
     quantity: str = "share of damping ratios, root mean square"
     unit: str = "1"
     absolute: bool = False
     local: bool = False
 
 
-def _contact(fields: Fields, at: Vector) -> Candidates | None:
-    if fields.stack.n_lamina == 1:
+def _contact(structure: Structure, at: Vector) -> Candidates | None:
+    if needs_contact(structure) is not None:
         return None
-    return all_over(fields, at, of=interfaces, sign=1.0, upper=np.inf)
+    return all_over(cast("Fields", structure), at, of=interfaces, sign=1.0, upper=np.inf)
 
 
-def _patch(fields: Fields, at: Vector) -> Candidates | None:
-    return None if fields.stack.n_lamina == 1 else patches(fields, at, of=Fields.contact, sign=1.0)
+def _patch(structure: Structure, at: Vector) -> Candidates | None:
+    if needs_contact(structure) is not None:
+        return None
+    return patches(cast("Fields", structure), at, of=Fields.contact, sign=1.0)
 
 
-def _dashpot(fields: Fields, at: Vector) -> Candidates:
-    centre, weight = at_points(fields, at)
-    part = Part(rows=fields.deflection, target="K", weight=weight)
-    return plain(at_heights(centre, 0.0), (part,), n_cell=len(at))
+def _dashpot(structure: Structure, at: Vector) -> Candidates:
+    own = structure.pulled(at)
+    part = Part(rows=own.rows, target="K", weight=own.weight)
+    return plain(own.place, (part,), part=own.part, n_cell=len(at))
 
 
 DAMPING_KINDS = (
@@ -129,10 +132,10 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
         return ()
     shift, ratio = at.damping_shift[known], at.damping[known]
     noise, n = at.damping_noise[known], len(at.reference.tested)
-    place, _ = places(at.fields)
+    place, _ = at.structure.places()
     found = []
     for kind in DAMPING_KINDS:
-        candidates = None if kind.candidates is None else kind.candidates(at.fields, place)
+        candidates = None if kind.candidates is None else kind.candidates(at.structure, place)
         if candidates is None and kind.candidates is not None:
             continue
         added = np.ones((1, shift.size)) if candidates is None else _added(at, candidates)[:, known] / ratio
@@ -148,8 +151,8 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
     order = np.argsort(-odds)
     answers = []
     for i in order:
-        kind, candidates, size, log = found[i]
-        answers.append(_kind(kind, candidates, size, log, odds=float(odds[i]), chance=float(chance[i])))
+        own = _kind(*found[i], structure=at.structure, odds=float(odds[i]), chance=float(chance[i]))
+        answers.append(own)
     return tuple(answers)
 
 
@@ -172,7 +175,14 @@ def _log_odds(left: Vector, shift: Vector, scatter: tuple[float, Vector, int]) -
 
 
 def _kind(
-    kind: DampingKind, candidates: Candidates | None, size: Vector, log: Vector, *, odds: float, chance: float
+    kind: DampingKind,
+    candidates: Candidates | None,
+    size: Vector,
+    log: Vector,
+    *,
+    structure: Structure,
+    odds: float,
+    chance: float,
 ) -> KindOfChange:
     """Return what is known of a kind."""
     share = np.exp(log - scipy.special.logsumexp(log))
@@ -184,8 +194,11 @@ def _kind(
         float(value.ravel()[order][np.searchsorted(passed, q)]) for q in (0.05, 0.5, 0.95)
     )
     nowhere = (float("nan"),) * 3
-    mean, spread, best = nowhere, nowhere, nowhere
+    mean, spread, best, part = nowhere, nowhere, nowhere, ""
+    local = kind.local and bool(structure.axes)
     if kind.local and candidates is not None:
+        part = structure.part_name(kind.name, int(candidates.part[int(np.argmax(each))]))
+    if local and candidates is not None:
         centre = each @ candidates.place
         mean = three(centre)
         spread = three(np.sqrt(each @ (candidates.place - centre) ** 2))
@@ -195,7 +208,7 @@ def _kind(
         label=kind.label,
         log_odds=odds,
         probability=chance,
-        local=kind.local,
+        local=local,
         place=mean,
         place_std=spread,
         best=best,
@@ -207,6 +220,6 @@ def _kind(
         extent=float("nan"),
         angle=float("nan"),
         layer="",
-        part="",
+        part=part,
         explained=float("nan"),
     )

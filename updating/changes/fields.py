@@ -11,15 +11,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, update_wrapper
-from typing import Concatenate, ParamSpec
+from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from model import ReducedSystem, Stack
 from model.contact.pressing import pressure_distribution
 from model.elements.mesh import FIELDS, Derivative, Field
+from model.reduction.reduction import shifted_factor
+from updating.changes.structure import Answers, StatedTerm, Tied
 
 Vector = NDArray[np.float64]
 P = ParamSpec("P")
@@ -29,6 +32,11 @@ N_POINT = 2000
 wavelength."""
 N_POINT_STACK = 700
 """The same on a stack, whose laminas need several rows at each."""
+N_PLACE = 220
+"""Locations at which a kind is tried on one lamina; on a stack, where most have a height as well, half as many."""
+_NEAR = 0.1  # over the root of the plan's area: mass that lies within belongs to a place
+_ABOUT = np.array([-1.0, 0.0, 1.0])
+_SMALLEST = 0.1  # of the root of the plan's area: half the side of the square over which forces are tried
 _OUTSIDE = 1e-6  # of the plan's size: a grid point that is farther from the outline is none
 
 
@@ -172,45 +180,168 @@ def kept(
 
 
 class Fields:
-    """Rows of a structure's modes on a grid.
+    """Rows of the modes of a stack or plate on a grid; see `Structure`.
 
     Parameters
     ----------
     system : ReducedSystem
         The structure.
-    vectors : (assembly.size, m)
-        Mass-normalised modes, or any vectors, in the equations of motion after reduction over the height.
+    modes : (system.size, m)
+        Mass-normalised modes in its coordinates.
     theta : mapping of str to float
         Parameters that they were solved for.
     band : (float, float)
         Lowest and highest measured natural frequency, Hz.
+    further : (assembly.size, k), optional
+        Vectors after the modes, in the equations of motion after reduction over the height.
     """
 
+    stated: tuple[StatedTerm, ...] = ()
+    axes, ends = ("x", "y"), ("left end", "front")
+    stiffest = np.inf
+
     def __init__(
-        self, system: ReducedSystem, vectors: Vector, theta: Mapping[str, float], band: tuple[float, float]
+        self,
+        system: ReducedSystem,
+        modes: Vector,
+        theta: Mapping[str, float],
+        band: tuple[float, float],
+        further: Vector | None = None,
     ) -> None:
-        self.system, self.stack, self.theta, self.band = system, system.stack, theta, band
+        self.system, self.stack, self.theta, self.band, self.modes = system, system.stack, theta, band, modes
         self.grid = grid_of(system)
-        self.vectors, self.n_mode = vectors, vectors.shape[1]
+        vectors = system.basis @ modes
+        vectors = vectors if further is None else np.hstack([vectors, further])
+        self.n_mode = vectors.shape[1]
         where = system.assembly.slices()
         self.coefficient = {
             f: vectors[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2)
             for f in FIELDS
         }
         self.kept: dict[tuple[object, ...], Vector] = {}
-        self._at: dict[tuple[Field, Derivative], Vector] = {}
+        self._rows: dict[tuple[Field, Derivative], Vector] = {}
 
     @cached_property
     def layers(self) -> tuple[Layer, ...]:
         """The whole height, and its thirds."""
         return layers_of(self.stack)
 
+    def layer_name(self, number: int) -> str:
+        """Return what a part of the height is called."""
+        return self.layers[number].name
+
+    def part_name(self, kind: str, number: int) -> str:
+        """Return what a clamp or an edge is called."""
+        if number < 0:
+            return ""
+        if "edge" not in kind:
+            return f"clamp {number + 1}"
+        return f"the {self.stack.supports[number].edge} edge"  # type: ignore[union-attr]  # patches are no edges
+
+    @property
+    def box(self) -> Vector:
+        """Lowest and highest x, lowest and highest y of the plan, (2, 2) m."""
+        return np.asarray(self.system.assembly.plan.bounds, dtype=float)
+
+    def places(self) -> tuple[Vector, Vector]:
+        """Return locations over the plan, (n, 2) m, evenly spaced, and their steps along x and y.
+
+        The outer ones are half a step from the edges.
+        """
+        grid = self.grid
+        n = N_PLACE if self.stack.n_lamina == 1 else N_PLACE // 2
+        sides = [float(np.ptp(line)) for line in (grid.x, grid.y)]
+        step = np.sqrt(sides[0] * sides[1] / n)
+        lines, steps = [], []
+        for line, side in zip((grid.x, grid.y), sides, strict=True):
+            count = max(3, round(side / step))
+            lines.append(line[0] + (np.arange(count) + 0.5) * side / count)
+            steps.append(side / count)
+        found = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+        _, share = grid.shares(found)
+        return found[share.sum(axis=1) > 0.5], np.array(steps)
+
+    def finer(self, centre: Vector, step: Vector, n: int = 3) -> Vector:
+        """Return n by n locations within the cell about each of some, (n n k, 2), cell after cell."""
+        part = (np.arange(n) - (n - 1) / 2.0) / n
+        away = np.stack(np.meshgrid(part, part, indexing="ij"), axis=-1).reshape(-1, 2) * step
+        found = (centre[:, None] + away).reshape(-1, 2)
+        low, high = self.box.T
+        return np.clip(found, low, high)
+
+    def located(self, place: Vector) -> Vector:
+        """Return places, (n, 3), without their heights."""
+        return place[:, :2]
+
+    def tied(self, at: Vector) -> Tied:
+        """Return what a mass moves with: laminas in the mean of their squares."""
+        return self._at(at, self.motion(self.layers[0]))
+
+    def pulled(self, at: Vector) -> Tied:
+        """Return what a spring across the laminas pulls at."""
+        return self._at(at, self.deflection)
+
+    def _at(self, at: Vector, rows: Vector) -> Tied:
+        which, share = self.grid.shares(at)
+        row = np.broadcast_to(np.arange(len(at))[:, None], which.shape)
+        weight = sp.coo_array(
+            (share.ravel(), (row.ravel(), which.ravel())), shape=(len(at), len(self.grid.point))
+        )
+        place = np.column_stack([at, np.zeros(len(at))])
+        return Tied(place=place, rows=rows, weight=weight.tocsr(), part=np.full(len(at), -1, dtype=np.intp))
+
+    def matrices(self) -> tuple[Vector, Vector, Vector]:
+        """Return the modes in the coordinates of the reduced stack, and its stiffness and mass in these."""
+        return self.modes, self.system.matrix("K", self.theta), self.system.matrix("M", self.theta)
+
+    def beside(self, coordinates: Vector, answers: Vector | None) -> Fields:
+        """Return them with further vectors after the modes."""
+        further = self.system.basis @ coordinates
+        further = further if answers is None else further + answers
+        return Fields(self.system, self.modes, self.theta, self.band, further)
+
+    @cached_property
+    def _plate(self) -> tuple[Any, Any, Any, Vector, Vector]:
+        """Factor of the stiffness of a single plate, its stiffness and mass, and both times its reduced coordinates."""
+        assembly, basis = self.system.assembly, self.system.basis
+        factor = shifted_factor(assembly, self.theta)
+        stiffness, mass = assembly.matrix("K", self.theta), assembly.matrix("M", self.theta)
+        return factor, stiffness, mass, np.asarray(stiffness @ basis), np.asarray(mass @ basis)
+
+    def answers(self, place: Vector, half: float) -> Answers | None:
+        """Return a plate's static answers to forces and moments about a place, at nine points; a stack has none.
+
+        A single plate bends sharply at a point, what is thick does not.
+        """
+        if self.stack.n_lamina > 1:
+            return None
+        assembly, plan = self.system.assembly, self.system.assembly.plan
+        half = max(half, _SMALLEST * float(np.sqrt(self.grid.area.sum())))
+        where, about = assembly.slices(), [value + half * _ABOUT for value in place[:2]]
+        at = plan.nearest(np.stack(np.meshgrid(*about, indexing="ij"), axis=-1).reshape(-1, 2))
+        force = []
+        for field in FIELDS:
+            n_z, size = assembly.n_z[field], plan.size(field)
+            rows = [plan.point_rows(field, at)]
+            rows += [plan.point_rows(field, at, d) for d in ("x", "y")] if field == "w" else []
+            block = sp.kron(sp.identity(n_z), sp.vstack(rows)).toarray().T
+            whole = np.zeros((assembly.size, block.shape[1]))
+            whole[where[field]] = block.reshape(n_z * size, -1)
+            force.append(whole)
+        factor, stiffness, mass, stiff_basis, heavy_basis = self._plate
+        found = np.asarray(factor.solve(np.hstack(force)))
+        return Answers(
+            vectors=found,
+            stiffness=np.vstack([stiff_basis.T @ found, found.T @ (stiffness @ found)]),
+            mass=np.vstack([heavy_basis.T @ found, found.T @ (mass @ found)]),
+        )
+
     def at(self, field: Field, derivative: Derivative = "") -> Vector:
         """Return a field at all grid points, (n_point, n_function, m)."""
         key = (field, derivative)
-        if key not in self._at:
-            self._at[key] = self.at_points(self.grid.point, field, derivative)
-        return self._at[key]
+        if key not in self._rows:
+            self._rows[key] = self.at_points(self.grid.point, field, derivative)
+        return self._rows[key]
 
     def at_points(self, point: Vector, field: Field, derivative: Derivative = "") -> Vector:
         """Return a field, or a derivative, at points (n, 2), (n, n_function, m)."""
@@ -263,6 +394,12 @@ class Fields:
             * self.stack.n_lamina
             * self.grid.area.sum()
         )
+
+    @cached_property
+    def removable(self) -> float:
+        """Largest mass that may go at one location, kg: a clamp, and what lies near."""
+        clamps = max((clamp.mass for clamp in self.stack.clamps), default=0.0)
+        return float(np.pi * _NEAR**2 * self.mass + clamps)
 
     @kept
     def strain(self, layer: Layer) -> Vector:

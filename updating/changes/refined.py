@@ -1,9 +1,9 @@
 """The likeliest changes weighed once more, with the answer of the whole structure to a change of any size.
 
 The scan takes modes of the reference as they are. Beside a change of some size the structure gives way more than these
-can: strains concentrate about a patch that is soft, and what a mass pulls at yields. So the rest of its basis, and on
-a single plate, which bends sharply at a point, its static answers to forces about the location, are added as
-coordinates v and eliminated at each measured frequency,
+can: strains concentrate about a patch that is soft, and what a mass pulls at yields. So the rest of its basis, and its
+static answers to forces about the location where it has any beside, are added as coordinates v and eliminated at each
+measured frequency,
 
     dS(t) = t S_ll - t**2 S_lv (D_vv + t S_vv)**-1 S_vl,    S = dK - lambda dM,    D = K - lambda M,
 
@@ -13,9 +13,7 @@ which is exact for any amplitude t within these coordinates (Guyan 1965; Leung 1
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -23,21 +21,15 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.elements.mesh import FIELDS
-from model.reduction.reduction import shifted_factor
-from updating.changes.candidate import Candidates, Kind, Part
-from updating.changes.fields import Fields
+from updating.changes.candidate import Candidates, Kind
 from updating.changes.scan import EFFECTS, apparent
 from updating.changes.situation import Situation
+from updating.changes.structure import Answers, Part, Structure
 
 Vector = NDArray[np.float64]
 
 Change = Callable[[Vector], Vector]
 """Takes amplitudes (n,), returns the change of all errors of the changed state, (n, N)."""
-
-_NEAR = np.array([-1.0, 0.0, 1.0])
-
-_SMALLEST = 0.1  # of the root of the plan's area: half the side of the square over which forces are tried
 
 _DEPENDENT = 1e-5  # of the largest energy: directions with less are none
 
@@ -56,15 +48,8 @@ class Condensed:
     """
 
     def __init__(self, at: Situation) -> None:
-        self.at, self.fields = at, at.fields
-        self.assembly, self.theta = at.fields.system.assembly, dict(at.fields.theta)
-        self._kept: dict[tuple[object, ...], tuple[Fields, Vector, Vector]] = {}
-
-    @cached_property
-    def _plate(self) -> tuple[Any, Any, Any]:
-        """Factor of the stiffness, and stiffness and mass, of the equations of motion of a single plate."""
-        factor = shifted_factor(self.assembly, self.theta)
-        return factor, self.assembly.matrix("K", self.theta), self.assembly.matrix("M", self.theta)
+        self.at, self.structure = at, at.structure
+        self._kept: dict[tuple[object, ...], tuple[Structure, Vector, Vector]] = {}
 
     def change(self, kind: Kind, candidates: Candidates, i: int) -> Change:
         """Return what one candidate does to the equation errors of the changed state, by its amplitude.
@@ -76,10 +61,10 @@ class Condensed:
         candidates : Candidates
             Among which it is number `i`.
         """
-        fields, stiffness, mass = self._around(kind, candidates, i)
-        own = kind.candidates(fields, candidates.place[i, None, :2])
+        structure, stiffness, mass = self._around(kind, candidates, i)
+        own = kind.candidates(structure, structure.located(candidates.place[i, None]))
         (j,) = np.flatnonzero(own.form == candidates.form[i])
-        m, measured = self.fields.n_mode, self.at.ours
+        m, measured = self.structure.n_mode, self.at.ours
         steps = list[tuple[Vector, Vector, Vector]]()
         parts = _matrices(own.only(np.array([j])))
         for r, value in enumerate(measured.eigenvalue):
@@ -99,26 +84,26 @@ class Condensed:
 
         return changed
 
-    def _around(self, kind: Kind, candidates: Candidates, i: int) -> tuple[Fields, Vector, Vector]:
-        """Return the fields of modes and answers, and stiffness and mass of the answers."""
-        place, size = candidates.place[i, :2], candidates.size[i]
-        least = _SMALLEST * float(np.sqrt(self.fields.grid.area.sum()))
-        half = max(float(size), least) if np.isfinite(size) else least
-        near = kind.local and self.fields.stack.n_lamina == 1
-        key = (*np.round(place, 4).tolist(), round(half, 4)) if near else ()
+    def _around(self, kind: Kind, candidates: Candidates, i: int) -> tuple[Structure, Vector, Vector]:
+        """Return the structure with its answers after the modes, and stiffness and mass of these answers."""
+        place, size = candidates.place[i], float(candidates.size[i])
+        half = size if np.isfinite(size) else 0.0
+        key = (*np.round(place, 4).tolist(), round(half, 4)) if kind.local else ()
         if key not in self._kept:
-            self._kept[key] = self._beside(self._answers(place, half) if near else None)
+            answers = self.structure.answers(place, half) if kind.local else None
+            if answers is None and key:
+                return self._around(replace(kind, local=False), candidates, i)
+            self._kept[key] = self._beside(answers)
         return self._kept[key]
 
-    def _beside(self, answers: Vector | None) -> tuple[Fields, Vector, Vector]:
-        """Return the fields of the modes and of all else, with stiffness and mass of what else there is."""
-        system = self.fields.system
-        modes, raw = self.at.modes, np.eye(system.basis.shape[1])
-        stiffness, mass = system.matrix("K", self.theta), system.matrix("M", self.theta)
+    def _beside(self, answers: Answers | None) -> tuple[Structure, Vector, Vector]:
+        """Return the structure with all that is beside its modes, and stiffness and mass of that."""
+        modes, stiffness, mass = self.structure.matrices()
+        n = len(stiffness)
         if answers is not None:
-            _, stiffness, mass = self._plate
-            modes, raw = system.basis @ modes, np.hstack([system.basis, answers])
-        raw = raw - modes @ (modes.T @ (mass @ raw))
+            stiffness, mass = _bordered(stiffness, answers.stiffness), _bordered(mass, answers.mass)
+            modes = np.vstack([modes, np.zeros((len(stiffness) - n, modes.shape[1]))])
+        raw = np.eye(len(stiffness)) - modes @ (modes.T @ mass)
         energy, inertia = raw.T @ (stiffness @ raw), raw.T @ (mass @ raw)
         unit = 1.0 / np.sqrt(np.maximum(np.diag(energy), 1e-300))
         value, turn = la.eigh(energy * np.outer(unit, unit))
@@ -127,27 +112,16 @@ class Condensed:
         # nothing near the measured frequencies or below: it would be a mode that is looked at already
         ratio, axes = la.eigh(turn.T @ inertia @ turn)
         above = ratio * self.at.ours.eigenvalue.max() < _ABOVE
-        vectors = raw @ (turn @ axes[:, above])
-        if answers is None:
-            vectors = system.basis @ vectors
-        fields = Fields(system, np.hstack([self.fields.vectors, vectors]), self.theta, self.fields.band)
-        return fields, np.eye(vectors.shape[1]), np.diag(ratio[above])
+        found = raw @ (turn @ axes[:, above])
+        further = None if answers is None else answers.vectors @ found[n:]
+        structure = self.structure.beside(found[:n], further)
+        return structure, np.eye(found.shape[1]), np.diag(ratio[above])
 
-    def _answers(self, place: Vector, half: float) -> Vector:
-        """Return a plate's static answers to forces and moments about a place, at nine points."""
-        plan, where = self.assembly.plan, self.assembly.slices()
-        at = np.stack(np.meshgrid(place[0] + half * _NEAR, place[1] + half * _NEAR, indexing="ij"), axis=-1)
-        at = plan.nearest(at.reshape(-1, 2))
-        force = []
-        for field in FIELDS:
-            n_z, size = self.assembly.n_z[field], plan.size(field)
-            rows = [plan.point_rows(field, at)]
-            rows += [plan.point_rows(field, at, d) for d in ("x", "y")] if field == "w" else []
-            block = sp.kron(sp.identity(n_z), sp.vstack(rows)).toarray().T
-            whole = np.zeros((self.assembly.size, block.shape[1]))
-            whole[where[field]] = block.reshape(n_z * size, -1)
-            force.append(whole)
-        return np.asarray(self._plate[0].solve(np.hstack(force)))
+
+def _bordered(matrix: Vector, border: Vector) -> Vector:
+    """Return a matrix, (n, n), with further columns and rows, given as columns (n + k, k)."""
+    n = len(matrix)
+    return np.block([[matrix, border[:n]], [border[:n].T, border[n:]]])
 
 
 def _matrices(own: Candidates) -> list[tuple[Part, Vector]]:

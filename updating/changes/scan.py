@@ -15,7 +15,8 @@ import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.changes.candidate import Candidates, Part
+from updating.changes.candidate import Candidates
+from updating.changes.structure import Part
 
 Vector = NDArray[np.float64]
 

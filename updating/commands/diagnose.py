@@ -46,10 +46,15 @@ from updating.results.what_changed import WhatChanged
 from updating.workers.workers import workers
 
 if TYPE_CHECKING:
-    from updating.changes.situation import FittedReference
+    from updating.changes.reference import FittedReference
 
 FITTED = ("support_compliance",)
 """Effects that the model of a reference has in any case where the structure can: no edge is held rigidly."""
+
+
+def _model_inputs(file: Path) -> tuple[Path, ...]:
+    """Return a stack or structure file and those that it names."""
+    return matrices_inputs(file) if is_structure_file(file) else stack_inputs(file)
 
 
 def changed_names(campaign: Campaign) -> frozenset[str]:
@@ -67,7 +72,7 @@ def diagnose_changes(
     cluster: str | None = None,
     keep: bool = False,
 ) -> tuple[WhatChanged, ...]:
-    """Say of every configuration that has a reference whether it changed, and, with a stack file, what and where.
+    """Say of every configuration that has a reference whether it changed, and, with a model, what and where.
 
     Writes change.json and what_changed.json beside the modes of each; those that an earlier run left are read back.
 
@@ -90,7 +95,7 @@ def diagnose_changes(
     models = _Models(campaign, tests, None if scatter_file is None else read_scatter(scatter_file))
     stated = () if scatter_file is None else (scatter_file,)
     found = []
-    inputs = (campaign_file, *stack_inputs(campaign.stack), *stated)
+    inputs = (campaign_file, *_model_inputs(campaign.stack), *stated)
     for change in changes:
         console.print(f"{change_sentence(change)}.", markup=False, highlight=False)
         try:
@@ -106,19 +111,22 @@ def diagnose_changes(
 
 
 class _Models:
-    """The model of a campaign's stack, and its fits to references, each made when it is first asked for."""
+    """The model of a campaign's structure, and its fits to references, each made when it is first asked for."""
 
     def __init__(
         self, campaign: Campaign, tests: Sequence[Identified], scatter: DiagnosisScatter | None
     ) -> None:
         self.campaign, self.scatter = campaign, scatter
         self.tested = {own.configuration.name: own for own in tests}
-        self.stack = read_stack(model_file(campaign, "what changed"))
+        file = model_file(campaign, "what changed")
+        self.model = read_matrices(file) if is_structure_file(file) else read_stack(file)
         self.fitted: dict[tuple[str, ...], FittedReference] = {}
 
     def _campaigned(self, name: str) -> Campaigned:
-        own = self.tested[name]
-        return name, stack_in_state(self.stack, own.configuration).contact.pressure, own.modal_model
+        own, pressure = self.tested[name], float("nan")
+        if isinstance(self.model, Stack):
+            pressure = stack_in_state(self.model, own.configuration).contact.pressure
+        return name, pressure, own.modal_model
 
     def kept(self, change: Change, inputs: tuple[Path, ...], *, keep: bool) -> WhatChanged:
         """Return what changed in a state as an earlier run left it, or find it and write it."""
@@ -137,26 +145,35 @@ class _Models:
     def what_changed(self, change: Change) -> WhatChanged:
         """Say what changed in a state."""
         from updating.changes.compare import what_changed
-        from updating.changes.situation import fit_reference
+        from updating.changes.reference import fit_matrices_reference
 
         name, reference, repeats = change.name, change.reference, change.repeats
-        heights = {
-            stack_in_state(self.stack, self.tested[n].configuration).height for n in (*reference, *repeats)
-        }
+        model, of_reference = self.model, [self._campaigned(n) for n in reference]
+        if isinstance(model, Stack):
+            stack = self._in_one_height(model, (*reference, *repeats))
+            if reference not in self.fitted:
+                self.fitted[reference] = self._fitted_stack(stack, of_reference)
+        elif reference not in self.fitted:
+            self.fitted[reference] = fit_matrices_reference(model, of_reference, scatter=self.scatter)
+        states = [self._campaigned(n) for n in (name, *(n for n in repeats if n != name))]
+        return what_changed(self.fitted[reference], states, self.campaign.reassembly, seen=change.changed)
+
+    def _in_one_height(self, stack: Stack, names: Sequence[str]) -> Stack:
+        """Return the stack in the height of some states; raises FitError where they have several."""
+        heights = {stack_in_state(stack, self.tested[n].configuration).height for n in names}
         if len(heights) > 1:
             listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
             message = f"it and its reference are {listed} mm high; what changed is asked of one structure"
             raise FitError(message)
-        if reference not in self.fitted:
-            stack = replace(self.stack, height=heights.pop())
-            known = catalogue()
-            effects = {n: known[n] for n in FITTED} if stack.supports else {}
-            candidates = cached_model(stack, instruments_of(self.tested[reference[0]].modal_model), effects)
-            self.fitted[reference] = fit_reference(
-                candidates, [self._campaigned(n) for n in reference], scatter=self.scatter
-            )
-        states = [self._campaigned(n) for n in (name, *(n for n in repeats if n != name))]
-        return what_changed(self.fitted[reference], states, self.campaign.reassembly, seen=change.changed)
+        return replace(stack, height=heights.pop())
+
+    def _fitted_stack(self, stack: Stack, reference: Sequence[Campaigned]) -> FittedReference:
+        from updating.changes.reference import fit_reference
+
+        known = catalogue()
+        effects = {n: known[n] for n in FITTED} if stack.supports else {}
+        candidates = cached_model(stack, instruments_of(reference[0][2]), effects)
+        return fit_reference(candidates, reference, scatter=self.scatter)
 
 
 @single_threaded

@@ -105,6 +105,11 @@ class MatricesModel:
         self._parts: tuple[int, list[tuple[Target, str, Vector]]] = (0, [])
 
     @property
+    def bases(self) -> list[ReducedMatrices]:
+        """What the structure was reduced to so far, for other tests of it at the same points."""
+        return self._reduced
+
+    @property
     def reduced(self) -> ReducedMatrices:
         """The structure on the widest basis so far."""
         return self._reduced[-1]

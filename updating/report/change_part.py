@@ -17,7 +17,7 @@ from updating.diagnosis.answer import Diagnosis, Telling, telling
 from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, single, svg
 from updating.report.results import Results
 from updating.results.text import percent
-from updating.results.what_changed import KindOfChange, WhatChanged, size_text
+from updating.results.what_changed import AXES, KindOfChange, WhatChanged, size_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -334,7 +334,8 @@ _MOST_KINDS = 8
 def what_changed_section(found: WhatChanged) -> Section:
     """Show what changed in a state, where, and what else was weighed."""
     named = found.verdict in ("identified", "one of", "partly explained")
-    blocks = (map_picture(found), kind_table(found)) if named else (kind_table(found),)
+    drawn = named and found.map.size > 0
+    blocks = (map_picture(found), kind_table(found)) if drawn else (kind_table(found),)
     return Section(title=f"What changed in {found.name}, and where", text=found.sentences, blocks=blocks)
 
 
@@ -342,14 +343,20 @@ def kind_table(found: WhatChanged) -> Table:
     """List the likeliest kinds of change."""
     return Table(
         title="Kinds of change",
-        header=("kind", "log odds", "probability", "x [mm]", "y [mm]", "size", "explained [%]"),
+        header=(
+            "kind",
+            "log odds",
+            "probability",
+            *(f"{a} [mm]" for a in found.axes),
+            "size",
+            "explained [%]",
+        ),
         rows=tuple(
             (
                 own.label,
                 f"{own.log_odds:.1f}",
                 f"{own.probability:.2g}",
-                _place(own, 0),
-                _place(own, 1),
+                *(_place(own, AXES.index(a)) for a in found.axes),
                 size_text(own),
                 f"{100 * own.explained:.0f}",
             )
@@ -369,12 +376,13 @@ def kind_table(found: WhatChanged) -> Table:
 
 def _place(own: KindOfChange, axis_: int) -> str:
     if not own.local:
-        return "all over"
+        return own.part or "all over"
     return f"{1e3 * own.place[axis_]:.0f} ± {1e3 * own.place_std[axis_]:.0f}"
 
 
 def map_picture(found: WhatChanged) -> Picture:
-    """Draw the probability of the location over the plan."""
+    """Draw the probability of the location over the axes of the map."""
+    across, up = found.axes[:2]
     x, y = np.meshgrid(found.x, found.y, indexing="ij")
     i, j = np.unravel_index(int(np.argmax(found.map)), found.map.shape)
     return Picture(
@@ -382,11 +390,11 @@ def map_picture(found: WhatChanged) -> Picture:
         content=svg(map_figure(found)),
         form="svg",
         data=as_csv(
-            ("x [m]", "y [m]", "probability of the cell"),
+            (f"{across} [m]", f"{up} [m]", "probability of the cell"),
             zip(x.ravel(), y.ravel(), found.map.ravel(), strict=True),
         ),
-        alt=f"Probability of the location of the change, largest at x = {1e3 * found.x[i]:.0f} mm, "
-        f"y = {1e3 * found.y[j]:.0f} mm",
+        alt=f"Probability of the location of the change, largest at {across} = {1e3 * found.x[i]:.0f} mm, "
+        f"{up} = {1e3 * found.y[j]:.0f} mm",
         caption="Where it changed: probability of each cell of the plan, given that one of the kinds that are left is "
         "right.",
         width="half",
@@ -396,19 +404,20 @@ def map_picture(found: WhatChanged) -> Picture:
 
 def map_chart(found: WhatChanged) -> str:
     """Return the probability of the location as a chart."""
+    across, up = found.axes[:2]
     traces = [
         {
             "type": "heatmap", "x": single(1e3 * found.x), "y": single(1e3 * found.y), "z": single(100.0 * found.map.T),
             "colorscale": palette.PLACE, "zmin": 0.0, "colorbar": {"title": {"text": "%"}, "thickness": 10},
-            "hovertemplate": "x = %{x:.0f} mm, y = %{y:.0f} mm: %{z:.2g} %<extra></extra>",
+            "hovertemplate": f"{across} = %{{x:.0f}} mm, {up} = %{{y:.0f}} mm: %{{z:.2g}} %<extra></extra>",
         }
     ]  # fmt: skip
     (x0, x1), (y0, y1) = 1e3 * found.box
     return chart(
         traces,
         {
-            "xaxis": axis("x [mm]", range=[x0, x1]),
-            "yaxis": axis("y [mm]", range=[y0, y1], scaleanchor="x"),
+            "xaxis": axis(f"{across} [mm]", range=[x0, x1]),
+            "yaxis": axis(f"{up} [mm]", range=[y0, y1], scaleanchor="x"),
             "margin": {"r": 8, "t": 20},
         },
     )
@@ -429,6 +438,6 @@ def map_figure(found: WhatChanged) -> Figure:
         vmin=0.0,
         aspect="equal",
     )
-    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    axes.set(xlabel=f"{found.axes[0]} [mm]", ylabel=f"{found.axes[1]} [mm]")
     figure.colorbar(drawn, ax=axes, label="probability [%]", shrink=0.7)
     return figure

@@ -45,7 +45,7 @@ class KindOfChange:
     layer : str
         Part of the height of the likeliest; empty where it is all of it.
     part : str
-        The clamp or edge that the likeliest is at, such as "clamp 2"; empty where it is none.
+        The clamp, edge, node or term that the likeliest is at, such as "clamp 2"; empty where it is none.
     explained : float
         Share of the misfit without a change, beyond what scatter leaves, that the likeliest takes away.
     """
@@ -95,12 +95,16 @@ class WhatChanged:
     frequency, shift, explained_shift : (n_mode,) float
         Measured natural frequencies of the state, Hz; their logarithms less the reference's, NaN where that has no such
         mode; and what the likeliest change makes of that.
+    axes : tuple of str
+        Axes along which a location is said, the first two being those of the map; none where nodes have no locations.
+    ends : tuple of str
+        What the lower ends along these are called; none of a structure of matrices.
     x, y : (n,) and (k,) float
-        Middles of the cells of the map, m.
+        Middles of the cells of the map along its axes, m.
     map : (n, k) float
         Probability of each cell, given that one of the kinds that are left, or of all local ones, is right.
     box : (2, 2) float
-        Lowest and highest x, lowest and highest y of the plan, m.
+        Lowest and highest coordinates along the axes of the map, m.
     sentences : tuple of str
         The answer in words.
     """
@@ -120,6 +124,8 @@ class WhatChanged:
     frequency: NDArray[np.float64]
     shift: NDArray[np.float64]
     explained_shift: NDArray[np.float64]
+    axes: tuple[str, ...]
+    ends: tuple[str, ...]
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     map: NDArray[np.float64]
@@ -140,6 +146,7 @@ class WhatChanged:
         return next(own for own in self.kinds if own.name == name)
 
 
+AXES = ("x", "y", "z")
 SPREAD_OUT = 0.2
 """Standard deviation of a location, over the longer side of the plan, from which it is not said to be one location."""
 
@@ -208,26 +215,28 @@ def _what(found: WhatChanged, head: str, left: Sequence[KindOfChange]) -> str:
 
 def _where(found: WhatChanged) -> str:
     """Say where, by all kinds that are left, each as likely as it is."""
-    (x0, x1), (y0, y1) = found.box
+    at = [AXES.index(name) for name in found.axes]
     left = [own for own in (found.kind(name) for name in found.left) if own.local]
     share = np.array([own.probability for own in left])
     share = share / share.sum()
     mean = share @ np.array([own.place for own in left])
     square = share @ np.array([np.square(own.place_std) + np.square(own.place) for own in left])
-    cell = np.array([_step(found.x), _step(found.y), 0.0]) / (
-        3.0 * np.sqrt(12.0)
-    )  # to which locations are separated
-    spread = np.sqrt(np.maximum(square - mean**2, 0.0) + cell**2)
-    if np.any(spread[:2] > SPREAD_OUT * max(x1 - x0, y1 - y0)):
+    cell = np.zeros(3)
+    cell[at[:2]] = _step(found.x), _step(found.y)
+    # to which locations are separated
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0) + (cell / (3.0 * np.sqrt(12.0))) ** 2)
+    if np.any(spread[at] > SPREAD_OUT * np.ptp(found.box, axis=1).max()):
         i, j = np.unravel_index(int(np.argmax(found.map)), found.map.shape)
         return (
-            f"Where: not known to better than {_mm(spread[:2].max())} mm; the likeliest of all cells, at x = "
-            f"{_mm(found.x[i])} mm and y = {_mm(found.y[j])} mm, has a probability of {100 * found.map[i, j]:.0f} %."
+            f"Where: not known to better than {_mm(spread[at].max())} mm; the likeliest of all cells, at "
+            f"{found.axes[0]} = {_mm(found.x[i])} mm and {found.axes[1]} = {_mm(found.y[j])} mm, has a probability of "
+            f"{100 * found.map[i, j]:.0f} %."
         )
-    return (
-        f"Where: x = {_mm(mean[0])} ± {_mm(spread[0])} mm, {_mm(mean[0] - x0)} mm from the left end, and y = "
-        f"{_mm(mean[1])} ± {_mm(spread[1])} mm, {_mm(mean[1] - y0)} mm from the front (one standard deviation)."
-    )
+    parts = [f"{name} = {_mm(mean[i])} ± {_mm(spread[i])} mm" for name, i in zip(found.axes, at, strict=True)]
+    for k, end in enumerate(found.ends):
+        parts[k] += f", {_mm(mean[at[k]] - found.box[k, 0])} mm from the {end}"
+    last = ", and " if found.ends else " and "
+    return f"Where: {', '.join(parts[:-1])}{last}{parts[-1]} (one standard deviation)."
 
 
 def _step(line: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:

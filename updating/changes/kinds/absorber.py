@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
-from updating.changes.candidate import Candidates, Kind, Part, always, amplitude, at_heights, plain
-from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.point_masses import at_points
+from updating.changes.candidate import Candidates, Kind, always, amplitude, plain
+from updating.changes.structure import Part, Structure, Vector
 
 N_TUNED = 120
 """Frequencies to which it may be tuned: evenly in the logarithm from half the band's start to twice its end, some 3 %
 apart, for what is lightly damped acts sharply."""
 
 
-def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return masses on springs across the laminas, up to half of what is there."""
-    centre, weight = at_points(fields, at)
-    tuned = np.geomspace(0.5 * fields.band[0], 2.0 * fields.band[1], N_TUNED)
-    n = len(centre)
+def candidates(structure: Structure, at: Vector) -> Candidates:
+    """Return masses on springs, up to half of what is there: across laminas, or along each axis."""
+    own = structure.pulled(at)
+    tuned = np.geomspace(0.5 * structure.band[0], 2.0 * structure.band[1], N_TUNED)
+    n = len(own.place)
     part = Part(
-        rows=fields.deflection,
+        rows=own.rows,
         target="M",
-        weight=weight[np.tile(np.arange(n), N_TUNED)],
+        weight=own.weight[np.tile(np.arange(n), N_TUNED)],
         resonance=(2.0 * np.pi * np.repeat(tuned, n)) ** 2,
     )
-    place = np.tile(at_heights(centre, 0.0), (N_TUNED, 1))
-    return plain(place, (part,), n_cell=len(at), upper=0.5 * fields.mass)
+    return plain(
+        np.tile(own.place, (N_TUNED, 1)),
+        (part,),
+        part=np.tile(own.part, N_TUNED),
+        n_cell=len(at),
+        upper=0.5 * structure.mass,
+    )
 
 
 KIND = Kind(

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, Part, always, amplitude, at_heights, plain
-from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.point_masses import at_points
+from updating.changes.candidate import Candidates, Kind, always, amplitude, plain
+from updating.changes.structure import Part, Structure, Vector
 
 
-def candidates(fields: Fields, at: Vector) -> Candidates:
+def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses at points, up to half of what is there."""
-    centre, weight = at_points(fields, at)
-    part = Part(rows=fields.motion(fields.layers[0]), target="M", weight=weight)
-    return plain(at_heights(centre, 0.0), (part,), n_cell=len(at), upper=0.5 * fields.mass)
+    own = structure.tied(at)
+    part = Part(rows=own.rows, target="M", weight=own.weight)
+    return plain(own.place, (part,), part=own.part, n_cell=len(at), upper=0.5 * structure.mass)
 
 
 KIND = Kind(

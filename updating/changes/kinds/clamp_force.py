@@ -6,8 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from updating.changes.candidate import Candidates, Part, at_heights, crossed, plain
+from updating.changes.candidate import Candidates, at_heights, crossed, plain
 from updating.changes.fields import Fields
+from updating.changes.structure import Part
 
 _SPREAD = np.array([0.5, 1.0, 2.0])
 """How far the pressure of a clamp spreads along the stack beyond its footprint, over the stack's height: by 45 degrees

@@ -10,8 +10,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from updating.changes.candidate import Candidates, Kind, Part, always, at_heights, crossed, lines, plain
+from updating.changes.candidate import Candidates, Kind, at_heights, crossed, lines, needs_laminas, plain
 from updating.changes.fields import Fields, Vector
+from updating.changes.structure import Part
 
 _LENGTHS = np.array([0.07, 0.14, 0.25, 0.4, 0.6])  # over the root of the plan's area
 _ANGLES = np.pi * np.arange(4) / 4.0
@@ -61,7 +62,7 @@ KIND = Kind(
     label="a crack or cut",
     quantity="length, were it through all the depth",
     unit="m",
-    why_not=always,
+    why_not=needs_laminas,
     candidates=candidates,
     value=_length,
     exact=None,

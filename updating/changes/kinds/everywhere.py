@@ -8,9 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from updating.changes.candidate import Candidates, Part, plain
+from updating.changes.candidate import Candidates, plain
 from updating.changes.fields import Fields
 from updating.changes.kinds.held_edges import whole_edges
+from updating.changes.structure import Part
 
 
 def whole_contact(fields: Fields) -> Part:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from model.elements.mesh import Derivative, Field
 from model.elements.terms import held_motions
 from model.stack.parts import EdgeSupport
-from updating.changes.candidate import Candidates, Part, at_heights, plain
+from updating.changes.candidate import Candidates, at_heights, plain
 from updating.changes.fields import Fields
+from updating.changes.structure import Part
 
 Vector = NDArray[np.float64]
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from updating.changes.candidate import Candidates, Kind, Part, always, at_heights, bumps, plain
+from updating.changes.candidate import Candidates, Kind, at_heights, bumps, needs_laminas, plain
 from updating.changes.fields import Fields, Vector
+from updating.changes.structure import Part
 
 _TAKES = 2.3
 """Share of the stiffness in a small hole's area that goes with it: between the 2 and 3 of bending and of forces in the
@@ -45,7 +46,7 @@ KIND = Kind(
     label="a hole",
     quantity="diameter, were it round",
     unit="m",
-    why_not=always,
+    why_not=needs_laminas,
     candidates=candidates,
     value=_diameter,
     exact=None,

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from updating.changes.candidate import Candidates, Part, at_heights, bumps, crossed, plain
+from updating.changes.candidate import Candidates, at_heights, bumps, crossed, plain
 from updating.changes.fields import Fields, Layer, Vector
+from updating.changes.structure import Part
 
 RADII = np.array([0.05, 0.09, 0.16, 0.28, 0.5])
 """Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole."""

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from updating.changes.candidate import Candidates, Kind, Part, always, amplitude, at_heights, plain
-from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.point_masses import at_points
-
-_NEAR = 0.1  # over the root of the plan's area: what lies within belongs to a place
+from updating.changes.candidate import Candidates, Kind, always, amplitude, plain
+from updating.changes.structure import Part, Structure, Vector
 
 
-def candidates(fields: Fields, at: Vector) -> Candidates:
+def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses taken away at points."""
-    centre, weight = at_points(fields, at)
-    part = Part(rows=fields.motion(fields.layers[0]), target="M", weight=-weight)
-    clamps = max((clamp.mass for clamp in fields.stack.clamps), default=0.0)
-    return plain(
-        at_heights(centre, 0.0), (part,), n_cell=len(at), upper=float(np.pi * _NEAR**2 * fields.mass + clamps)
-    )
+    own = structure.tied(at)
+    part = Part(rows=own.rows, target="M", weight=-own.weight)
+    return plain(own.place, (part,), part=own.part, n_cell=len(at), upper=structure.removable)
 
 
 KIND = Kind(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from updating.changes.candidate import Kind, always, gone
+from updating.changes.candidate import Kind, gone, needs_laminas
 from updating.changes.fields import Fields
 from updating.changes.kinds.patches import patches
 
@@ -13,7 +13,7 @@ KIND = Kind(
     label="a patch of less stiffness",
     quantity="share of its stiffness that is gone",
     unit="1",
-    why_not=always,
+    why_not=needs_laminas,
     candidates=partial(patches, of=Fields.strain, sign=-1.0),
     value=gone,
     whole=1.0,

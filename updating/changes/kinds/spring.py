@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from updating.changes.candidate import Candidates, Kind, Part, always, amplitude, at_heights, plain
-from updating.changes.fields import Fields, Vector
-from updating.changes.kinds.point_masses import at_points
+from updating.changes.candidate import Candidates, Kind, always, amplitude, plain
+from updating.changes.structure import Part, Structure, Vector
 
 
-def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return springs across the laminas at points."""
-    centre, weight = at_points(fields, at)
-    part = Part(rows=fields.deflection, target="K", weight=weight)
-    return plain(at_heights(centre, 0.0), (part,), n_cell=len(at), upper=np.inf)
+def candidates(structure: Structure, at: Vector) -> Candidates:
+    """Return springs at points: across laminas, or along each axis."""
+    own = structure.pulled(at)
+    part = Part(rows=own.rows, target="K", weight=own.weight)
+    return plain(own.place, (part,), part=own.part, n_cell=len(at), upper=structure.stiffest)
 
 
 KIND = Kind(

@@ -5,17 +5,29 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from model import Stack
-from updating.changes.candidate import Candidates, Kind, Part, amplitude, at_heights, crossed, lines, plain
+from updating.changes.candidate import (
+    Candidates,
+    Kind,
+    amplitude,
+    at_heights,
+    crossed,
+    lines,
+    needs_laminas,
+    plain,
+)
 from updating.changes.fields import Fields, Vector
+from updating.changes.structure import Part, Structure
 
 _LENGTHS = np.array([0.25, 0.5, 1.0])  # over the root of the plan's area
 _ANGLES = np.pi * np.arange(4) / 4.0
 _THICK = np.array([0.2, 0.7, 2.5])  # of a strip of the same material, over the structure's thickness
 
 
-def why_not(stack: Stack) -> str | None:
+def why_not(structure: Structure) -> str | None:
     """Return why a thick stack has no stiffener: it would be one by its sheets."""
+    stack = structure.stack
+    if stack is None:
+        return needs_laminas(structure)
     return None if stack.n_lamina == 1 else "a strip stiffens a single plate only"
 
 

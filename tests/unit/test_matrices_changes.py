@@ -1,0 +1,174 @@
+"""What changed in a structure of matrices: at its nodes, and in the terms that its file states."""
+
+import types
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+import scipy.sparse.linalg as sla
+
+import model
+from tests.matrices_plate import EXAMPLE, plate_test
+from updating.changes.compare import what_changed
+from updating.changes.kinds import kinds
+from updating.changes.nodes import N_PLACE, Nodes
+from updating.changes.reference import fit_matrices_reference
+from updating.changes.refined import Condensed
+from updating.changes.scan import Actions, Measured
+from updating.diagnosis import evidence
+from updating.diagnosis.matrices_model import MatricesModel
+
+SPRINGS = 0.7
+MOUNTED = {"again": 0.72, "same": 0.68}
+
+
+@pytest.fixture(scope="module")
+def structure():
+    return model.read_matrices(EXAMPLE / "structure.toml")
+
+
+@pytest.fixture(scope="module")
+def measured(structure, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("modes")
+    return lambda factors, added=(), seed=0: plate_test(folder, structure, factors, added, seed)
+
+
+@pytest.fixture(scope="module")
+def reference(structure, measured):
+    states = [
+        measured({"root_springs": value}, seed=i) for i, value in enumerate((SPRINGS, MOUNTED["again"]))
+    ]
+    return fit_matrices_reference(structure, [(f"r{i}", np.nan, own) for i, own in enumerate(states)])
+
+
+def nodes_of(structure, modes, m=12):
+    whole = MatricesModel(
+        structure, [evidence.Tested(name="plate", pressure=np.nan, modes=modes)], evidence.DiagnosisScatter()
+    )
+    x = np.zeros(len(whole.nuisances))
+    near = whole.about(whole.nuisances, [x])
+    return Nodes(near, x, near.modal(x, 0).shape[:, :m], (20.0, 1400.0))
+
+
+@pytest.fixture(scope="module")
+def nodes(structure, measured):
+    return nodes_of(structure, measured({}))
+
+
+def test_of_a_repeat_that_was_mounted_anew_nothing_is_named(reference, measured):
+    found = what_changed(reference, [("same", np.nan, measured({"root_springs": MOUNTED["same"]}, seed=5))])
+    assert found.verdict == "unchanged"
+    assert found.left == ()
+    assert "softer_patch" in found.impossible
+
+
+@pytest.mark.parametrize(
+    ("factors", "added", "kind", "part", "size"),
+    [
+        ({}, [("M", (80, 40, 4), "xyz", 0.06)], "added_mass", "node", 0.06),
+        ({}, [("K", (160, 120, 0), "z", 2e4)], "spring_to_ground", "along z", 2e4),
+        ({"root_springs": 0.2}, [], "lesser_term", "root springs", 1.0 - 0.2 / SPRINGS),
+        ({"strip": 0.8}, [], "lesser_term", "strip", 0.2),
+        ({"tip_mass": 0.5}, [], "greater_term", "tip mass", 0.5),
+    ],
+)
+def test_a_change_is_named_and_placed(reference, measured, factors, added, kind, part, size):
+    state = measured({"root_springs": SPRINGS, **factors}, added, seed=7)
+    found = what_changed(reference, [("after", np.nan, state)], seen=True)
+    own = found.kind(kind)
+    assert found.left[0] == kind
+    assert part in own.part
+    assert 0.8 * own.lower < size < 1.2 * own.upper
+    if added:
+        place = 1e-3 * np.array(added[0][1][:2])
+        assert np.all(np.abs(np.array(own.place[:2]) - place) < 3.0 * np.array(own.place_std[:2]) + 0.02)
+        assert found.map.sum() == pytest.approx(1.0)
+        assert "Where: x = " in found.sentences[1] and "end" not in found.sentences[1]
+
+
+def test_without_locations_a_node_is_named_by_its_number(structure, measured):
+    anywhere = np.repeat(structure.node[:, None].astype(float), 3, axis=1)
+    bare = replace(structure, location=anywhere, placed=False)
+    states = [measured({}, seed=1), measured({}, [("M", (80, 40, 4), "xyz", 0.1)], seed=2)]
+    tests = []
+    for modes in states:
+        at = 1e-3 * modes.geometry.coordinate
+        near = [int(np.argmin(np.linalg.norm(structure.location - own, axis=1))) for own in 1e3 * at]
+        number = dict(zip(modes.geometry.node.tolist(), structure.node[near].tolist(), strict=True))
+        geometry = replace(modes.geometry, node=structure.node[near])
+        named = np.array([number[int(n)] for n in modes.node])
+        force = replace(modes.input, node=np.array([number[int(n)] for n in modes.input.node]))
+        tests.append(replace(modes, geometry=geometry, node=named, input=force))
+    fitted = fit_matrices_reference(bare, [("before", np.nan, tests[0])])
+    found = what_changed(fitted, [("after", np.nan, tests[1])], seen=True)
+    assert found.left[0] == "added_mass"
+    node = int(found.kind("added_mass").part.removeprefix("node "))
+    place = structure.location[structure.node == node][0]
+    assert place[:2] == pytest.approx((0.08, 0.04), abs=0.021)
+    assert found.axes == ()
+    assert len(found.sentences) == 2
+
+
+def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be(nodes):
+    at, _ = nodes.places()
+    possible = set()
+    for kind in kinds():
+        why = kind.why_not(nodes)
+        if why is not None:
+            assert "matrices" in why
+            continue
+        found = kind.candidates(nodes, at)
+        assert found.n > 0
+        assert max(abs(part.weight).max() * np.abs(part.rows).max() for part in found.parts) > 0.0
+        assert nodes.part_name(kind.name, int(found.part[0]))
+        possible.add(kind.name)
+    terms = {"lesser_term", "greater_term"}
+    assert possible == {"added_mass", "removed_mass", "absorber", "spring_to_ground", *terms}
+
+
+def test_stated_terms_are_their_matrices_and_only_springs_to_ground_are_mounted_anew(nodes, structure):
+    for own in nodes.stated:
+        (part,) = own.parts
+        (term,) = (t for t in structure.terms if t.factor == own.name)
+        expected = nodes.vectors.T @ (term.matrix @ nodes.vectors)
+        made = np.einsum("pRi,p,pRj->ij", part.rows, part.weight.toarray()[0], part.rows)
+        np.testing.assert_allclose(made, expected, atol=1e-9 * np.abs(expected).max())
+    assert {own.name: own.there for own in nodes.stated} == {
+        "root_springs": True, "strip": True, "tip_mass": False,
+    }  # fmt: skip
+    (held,) = nodes.grounded
+    np.testing.assert_array_equal(held.rows, nodes.stated[0].parts[0].rows)
+
+
+def test_a_fine_mesh_is_looked_at_coarsely_first():
+    grid = np.stack(np.meshgrid(np.arange(40.0), np.arange(30.0), [0.0, 1.0], indexing="ij"), axis=-1)
+    fine = Nodes.__new__(Nodes)
+    fine.location = grid.reshape(-1, 3)
+    fine.number = np.arange(len(fine.location))
+    place, side = fine.places()
+    assert N_PLACE / 2 < len(place) <= N_PLACE
+    near = fine.finer(place[:2], side)
+    assert len(near) > 2 * len(place[:2])
+    assert np.linalg.norm(near[:, None] - place[:2], axis=2).min(axis=1).max() < 1.5 * side.max()
+
+
+def test_a_large_mass_is_closer_once_the_answer_of_the_structure_is_in(nodes, structure):
+    place, size = np.array([[0.08, 0.04, 0.004]]), 0.2
+    stiffness, mass = (sp.csc_matrix(structure.matrix(target, structure.theta)) for target in "KM")
+    at = np.linalg.norm(structure.location - place, axis=1) < 1e-6
+    more = sp.csc_matrix(mass + size * sp.diags_array(at.astype(float)))
+    value, vector = sla.eigsh(stiffness, 7, more, sigma=-1e4)
+    first = np.einsum("im,im->m", nodes.vectors, stiffness @ nodes.vectors)
+    weight = vector.T @ mass @ nodes.vectors
+    weight = weight / np.linalg.norm(weight, axis=1)[:, None]
+    scale = np.sqrt(np.outer(value, first))
+    error = (value[:, None] - first) * weight / scale
+    ours = Measured(weight=weight, eigenvalue=value, scale=scale)
+    kind = next(own for own in kinds() if own.name == "added_mass")
+    candidates = kind.candidates(nodes, place)
+    change = Condensed(types.SimpleNamespace(structure=nodes, ours=ours)).change(kind, candidates, 0)
+    left = error + change(np.array([size]))[0].reshape(error.shape)
+    taken = error + size * Actions(ours).of(candidates)[0]
+    assert np.linalg.norm(taken) > 5e-3 * np.linalg.norm(error)
+    assert np.linalg.norm(left) < 0.4 * np.linalg.norm(taken)
