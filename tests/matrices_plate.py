@@ -23,7 +23,9 @@ SEEN = 0.2  # 1/sqrt(kg), of the largest component of a mode that a test sees
 Added = tuple[str, Sequence[float], str, float]  # "M" or "K", place in mm, directions, kg or N/m
 
 
-def as_measured(folder: Path, frequency: np.ndarray, shape: np.ndarray) -> ModalModel:
+def as_measured(
+    folder: Path, frequency: np.ndarray, shape: np.ndarray, points: np.ndarray = POINTS
+) -> ModalModel:
     """Return modes through the files in which a test would bring them."""
     n = frequency.size
     (folder / "modes.csv").write_text(
@@ -37,10 +39,10 @@ def as_measured(folder: Path, frequency: np.ndarray, shape: np.ndarray) -> Modal
         f"node,x,y,z,{names}\n"
         + "".join(
             f"{int(p[0])},0,0,1,{','.join(f'{v},0' for v in row)}\n"
-            for p, row in zip(POINTS, shape, strict=True)
+            for p, row in zip(points, shape, strict=True)
         )
     )
-    (folder / "points.csv").write_text((EXAMPLE / "points.csv").read_text())
+    np.savetxt(folder / "points.csv", points, delimiter=",", header="node,x,y,z", comments="", fmt="%.9g")
     (folder / "campaign.toml").write_text(
         '[campaign]\nname = "test"\n[points]\nfile = "points.csv"\nunit = "mm"\n[[configuration]]\nname = "plate"\n'
         'modes = "file"\ninput = "21+z"\nfiles = ["modes.csv", "shapes.csv"]\n'

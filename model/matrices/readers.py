@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from model.matrices.labelled import DIRECTIONS, Entries, Index
-from model.matrices.text import kind_of, numbers, read_text, rows_of_csv
+from model.matrices.text import columns_of_csv, kind_of, numbers, read_text
 from model.stack.errors import MatricesError
 
 Target = Literal["M", "C", "K"]
@@ -78,6 +79,20 @@ def read_entries(given: str, folder: Path, target: Target, labels: Path | None) 
 
 
 def read_labels(path: Path) -> Labels:
+    """Read the labels of rows, once for all matrices of a structure that share them; see `_read_labels`."""
+    try:
+        found = path.stat()
+    except OSError:
+        return _read_labels(path)  # which says that it cannot be read
+    return _labels_of(path, found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=2)
+def _labels_of(path: Path, changed: int, size: int) -> Labels:  # noqa: ARG001
+    return _read_labels(path)
+
+
+def _read_labels(path: Path) -> Labels:
     """Read the labels of rows: `.dof` of CalculiX, `.mapping` of Ansys, or CSV with columns node and dof.
 
     Raises
@@ -86,30 +101,37 @@ def read_labels(path: Path) -> Labels:
         A line holds something else.
     """
     if kind_of(path) == ".csv":
-        rows = rows_of_csv(path, ("node", "dof"))
-        words = [((one["node"] or "").strip(), (one["dof"] or "").strip()) for one in rows]
+        words = columns_of_csv(path, ("node", "dof"))
         form = "12,3 or 12,z"
     elif kind_of(path) == ".mapping":
         lines = [line.split() for line in read_text(path).splitlines() if line[:12].strip().isdigit()]
-        words = [(one[1], one[2]) if len(one) == 3 else (" ".join(one), "") for one in lines]
-        form = "equation node UX, as HBMAT writes"
+        pairs = [(one[1], one[2]) if len(one) == 3 else (" ".join(one), "") for one in lines]
+        words, form = [[one[k] for one in pairs] for k in (0, 1)], "equation node UX, as HBMAT writes"
     else:
-        words = [(one.partition(".")[0], one.partition(".")[2]) for one in read_text(path).split()]
-        form = "node.direction, such as 12.3"
-    node, dof = np.zeros(len(words), dtype=np.int64), np.zeros(len(words), dtype=np.int64)
-    for i, pair in enumerate(words):
-        try:
-            one, two = pair
-            node[i] = int(one)
-            dof[i] = _dof(two)
-        except ValueError as error:
-            message = f"{path}: label {i + 1} is {' '.join(pair)!r}; it must be: {form}"
-            raise MatricesError(message) from error
-    return node, dof
+        parts = [one.partition(".") for one in read_text(path).split()]
+        words, form = [[one[k] for one in parts] for k in (0, 2)], "node.direction, such as 12.3"
+    try:
+        number = {word: _dof(word) for word in set(words[1])}
+        node = np.array([int(word) for word in words[0]], dtype=np.int64)
+    except ValueError as error:
+        i = next(i for i, pair in enumerate(zip(*words, strict=True)) if not _is_label(*pair))
+        message = f"{path}: label {i + 1} is {(words[0][i], words[1][i])!r}; it must be: {form}"
+        raise MatricesError(message) from error
+    return node, np.array([number[word] for word in words[1]], dtype=np.int64)
+
+
+def _is_label(node: str, dof: str) -> bool:
+    try:
+        int(node)
+        _dof(dof)
+    except ValueError:
+        return False
+    return True
 
 
 def _dof(word: str) -> int:
     """Return a degree of freedom as a number."""
+    word = word.strip()
     if word.lower() in DIRECTIONS:
         return DIRECTIONS.index(word.lower()) + 1
     return _ANSYS[word.upper()] if word.upper() in _ANSYS else int(word)

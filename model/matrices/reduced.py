@@ -133,19 +133,40 @@ class ReducedMatrices:
         return found
 
     def error(self, theta: Mapping[str, float]) -> float:
-        """Return the largest relative error of a frequency of the band, from the forces that modes leave unbalanced.
+        """Return the largest relative error of a frequency of the band at some parameters; see `errors`."""
+        return self.errors([theta])[0]
 
-        A mode x leaves r = (K - lambda M) x, whose static response has the energy r' (K + shift M)^-1 r; to first order
-        the eigenvalue is too high by that times (lambda + shift) / what the modes left out lie above it, here at least
-        once.
+    def errors(self, thetas: Sequence[Mapping[str, float]]) -> list[float]:
+        """Return the largest relative error of a frequency of the band at each of some sets of parameters.
+
+        It comes from the forces that modes leave unbalanced. A mode x leaves r = (K - lambda M) x, whose static
+        response has the energy r' (K + shift M)^-1 r; to first order the eigenvalue is too high by that times
+        (lambda + shift) / what the modes left out lie above it, here at least once.
         """
-        own, moved = self.structure, {**self.theta, **theta}
-        frequency, vector = self.solve(moved)
-        kept = (frequency < own.band_Hz) & (frequency > 0.0)
-        x, value = self.basis @ vector[:, kept], (2.0 * np.pi * frequency[kept]) ** 2
-        force = own.matrix("K", moved) @ x - own.matrix("M", moved) @ x * value
+        forces, values = [], []
+        for theta in thetas:
+            moved = {**self.theta, **theta}
+            frequency, vector = self.solve(moved)
+            kept = (frequency < self.structure.band_Hz) & (frequency > 0.0)
+            values.append((2.0 * np.pi * frequency[kept]) ** 2)
+            forces.append(self._unbalanced(self.basis @ vector[:, kept], values[-1], moved))
+        force = np.hstack(forces)
         energy = np.einsum("ij,ij->j", force, self.static(force))
-        return float(np.max(energy / (2.0 * (value + _shift(own))), initial=0.0))
+        each = np.split(energy, np.cumsum([value.size for value in values])[:-1])
+        shift = _shift(self.structure)
+        return [
+            float(np.max(own / (2.0 * (value + shift)), initial=0.0))
+            for own, value in zip(each, values, strict=True)
+        ]
+
+    def _unbalanced(self, x: Vectors, value: Vectors, theta: Mapping[str, float]) -> Vectors:
+        """Return the forces that vectors, (n, k), leave at eigenvalues, (k,)."""
+        found = np.zeros_like(x)
+        for term in self.structure.terms:
+            factor = 1.0 if term.factor is None else theta[term.factor]
+            if term.target != "C" and factor:
+                found += (term.matrix @ x) * (factor if term.target == "K" else -factor * value)
+        return found
 
     def solve(
         self, theta: Mapping[str, float] | None = None, n_mode: int | None = None
@@ -221,9 +242,12 @@ def reduce_matrices(
         structure=structure, terms=terms, theta=theta, basis=basis, static=partial(_solved, factor),
         left=Left(frequency={}, compliance=0.0),
     )  # fmt: skip
-    away = {one.name: found.error({one.name: one.away(1.0)}) for one in structure.factors}
+    away: dict[str, dict[str, float]] = {"nominal": {}} | {
+        one.name: {one.name: one.away(1.0)} for one in structure.factors
+    }
     compliance = _missing_compliance(found, loads[0], answers[0], basis, shift)
-    return replace(found, left=Left(frequency={"nominal": found.error({}), **away}, compliance=compliance))
+    frequency = dict(zip(away, found.errors(list(away.values())), strict=True))
+    return replace(found, left=Left(frequency=frequency, compliance=compliance))
 
 
 def _shift(structure: MatrixStructure) -> float:

@@ -29,7 +29,7 @@ from model.matrices.labelled import (
 )
 from model.matrices.readers import Target, _fields, _real, read_entries
 from model.matrices.structure_file import GroupForm, StructureForm, SupportForm
-from model.matrices.text import kind_of, read_text, rows_of_csv
+from model.matrices.text import columns_of_csv, kind_of, read_text
 from model.stack.errors import MatricesError
 
 
@@ -77,9 +77,15 @@ def read_nodes(path: Path) -> Nodes:
     kind = kind_of(path)
     sets: dict[str, list[int]] = {}
     if kind == ".csv":
-        table = {}
-        for i, one in enumerate(rows_of_csv(path, ("node", "x", "y", "z")), 2):
-            table[_whole(path, i, one["node"] or "")] = _place(path, i, [one[axis] or "" for axis in "xyz"])
+        columns = columns_of_csv(path, ("node", "x", "y", "z"))
+        try:
+            place = zip(*(map(float, own) for own in columns[1:]), strict=True)
+            table = dict(zip(map(int, columns[0]), place, strict=True))
+        except ValueError:  # an empty cell, an exponent of Fortran, or a fault: line by line
+            table = {
+                _whole(path, i, one[0]): _place(path, i, list(one[1:]))
+                for i, one in enumerate(zip(*columns, strict=True), 2)
+            }
     elif kind in (".bdf", ".dat", ".nas"):
         table = _grids(path)
     elif kind == ".cdb":

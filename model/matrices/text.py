@@ -7,7 +7,7 @@ import gzip
 import io
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -67,22 +67,23 @@ def numbers(
     return found
 
 
-def rows_of_csv(path: Path, needed: Iterable[str]) -> list[dict[str, str]]:
-    """Return the rows of a CSV table by the names of its columns.
+def columns_of_csv(path: Path, needed: Sequence[str]) -> list[list[str]]:
+    """Return columns of a CSV table by their names; cells that are not there are empty.
 
     Raises
     ------
     MatricesError
         It lacks a column.
     """
-    reader = csv.DictReader(io.StringIO(read_text(path)), skipinitialspace=True)
-    names = [name.strip().lower() for name in reader.fieldnames or ()]
+    reader = csv.reader(io.StringIO(read_text(path)), skipinitialspace=True)
+    names = [name.strip().lower() for name in next(reader, [])]
     missing = [name for name in needed if name not in names]
     if missing:
         message = f"{path}: lacks the columns {', '.join(missing)}; it has {', '.join(names)}"
         raise MatricesError(message)
-    reader.fieldnames = names
-    return list(reader)
+    table = [row for row in reader if row]
+    at = [names.index(name) for name in needed]
+    return [[row[i] if i < len(row) else "" for row in table] for i in at]
 
 
 FILE = "structure.toml"

@@ -137,6 +137,8 @@ def test_of_a_stack_that_was_assembled_anew_nothing_is_named():
     assert set(answer.impossible) == {
         "firmer_edge",
         "firmer_mounting",
+        "greater_term",
+        "lesser_term",
         "softer_edge",
         "softer_mounting",
         "stiffener",

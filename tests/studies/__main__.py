@@ -8,7 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from tests.independent.layered import Layered
-from tests.studies import blind, changes, corruptions, other_worlds, pooled, reduced_basis, slipping
+from tests.studies import (
+    blind,
+    changes,
+    corruptions,
+    large_matrices,
+    other_worlds,
+    pooled,
+    reduced_basis,
+    slipping,
+)
 from tests.studies.blind_figures import figures
 
 Study = Callable[[int, Path], Sequence[str]]
@@ -37,6 +46,7 @@ STUDIES: dict[str, tuple[Study, int]] = {
         ),
         corruptions.SEEDS,
     ),
+    "large_matrices": (lambda n, file: large_matrices.rows(large_matrices.study_of(n, file)), 8),
     "reduced_basis": (lambda n, file: reduced_basis.rows(reduced_basis.study_of(n, file)), 1000),
 }  # fmt: skip
 """Each study with the number of its cases, or of the campaigns that are spoiled, where none is asked for."""

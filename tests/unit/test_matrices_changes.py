@@ -84,7 +84,8 @@ def test_a_change_is_named_and_placed(reference, measured, factors, added, kind,
         place = 1e-3 * np.array(added[0][1][:2])
         assert np.all(np.abs(np.array(own.place[:2]) - place) < 3.0 * np.array(own.place_std[:2]) + 0.02)
         assert found.map.sum() == pytest.approx(1.0)
-        assert "Where: x = " in found.sentences[1] and "end" not in found.sentences[1]
+        assert "Where: x = " in found.sentences[1]
+        assert "end" not in found.sentences[1]
 
 
 def test_without_locations_a_node_is_named_by_its_number(structure, measured):

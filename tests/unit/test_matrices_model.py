@@ -104,6 +104,34 @@ def test_what_is_hidden_is_found(structure, measured, name, value):
     assert name in found.sentences[0]
 
 
+def test_a_basis_is_asked_once_whether_it_holds_about_a_point(structure, measured, monkeypatch):
+    whole, asked = _of(structure, measured({"root_springs": 1.0})), []
+    error = model.ReducedMatrices.error
+    monkeypatch.setattr(
+        model.ReducedMatrices, "error", lambda own, theta: asked.append(theta) or error(own, theta)
+    )
+    at = [c.name for c in whole.nuisances].index("root_springs")
+    for value in (0.0, 0.01, 0.1):
+        x = np.zeros(len(whole.nuisances))
+        x[at] = value
+        whole.about(whole.nuisances, [x])
+    assert [round(float(np.log(theta["root_springs"])), 3) for theta in asked] == [0.0, 0.1]
+
+
+def test_errors_at_several_points_are_those_at_each(structure):
+    reduced = model.reduce_matrices(structure)
+    points = [{"root_springs": 0.4}, {}, {"strip": 1.5, "tip_mass": 0.3}]
+    found = reduced.errors(points)
+    assert found == pytest.approx([reduced.error(theta) for theta in points], rel=1e-6)
+    theta = {**structure.theta, **points[2]}
+    frequency, vector = reduced.solve(theta, 1)
+    x, value = reduced.basis @ vector, (2.0 * np.pi * frequency) ** 2
+    stiffness = structure.matrix("K", theta)
+    force = stiffness @ x - structure.matrix("M", theta) @ x * value
+    rounding = 1e-13 * float(np.max(abs(stiffness) @ np.abs(x)))
+    np.testing.assert_allclose(reduced._unbalanced(x, value, theta), force, atol=rounding)
+
+
 def test_a_point_off_the_structure_is_named(structure, measured):
     modes = measured({"root_springs": 1.0})
     moved = replace(modes.geometry, coordinate=10.0 * modes.geometry.coordinate)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -35,6 +36,7 @@ _STATED = 5.0  # times its standard deviation is that of what may be stated wron
 _BELOW = 0.3  # of the lowest measured frequency, below which a mode is motion of a rigid body
 _SPARE = 4  # modes whose equations are looked at beside as many as were measured
 _EXACT = 1e-4  # relative error of a frequency from which the structure is reduced anew
+_CLOSE = 0.02  # of each factor, within which the error is that of a point where it is known: it grows with the cube
 _MOST_BASES = 6
 
 
@@ -93,6 +95,9 @@ class MatricesModel:
         self.parameters: dict[str, Parameter] = {
             name: own.parameters[0] for name, own in self.effects.items()
         }
+        self._known_to_hold: list[
+            Vector
+        ] = []  # factors at which a basis, and so each wider one, is exact enough
         self._reduced = [] if reduced is None else reduced
         if not self._reduced:
             self._reduced.append(reduce_matrices(self.structure))
@@ -114,7 +119,7 @@ class MatricesModel:
         """The structure on the widest basis so far."""
         return self._reduced[-1]
 
-    @property
+    @cached_property
     def factors(self) -> dict[str, float]:
         """Nominal factors of the terms that the base model has, and 1 of what no term has."""
         stated = {one.name: one.nominal for one in self.structure.factors if one.nominal != 0.0}
@@ -238,9 +243,18 @@ class MatricesModel:
                 for c, v in zip(coordinates, x, strict=True)
                 if c.name in stated
             }
-            if len(self._reduced) < _MOST_BASES and self.reduced.error(at) > _EXACT:
+            if len(self._reduced) < _MOST_BASES and not self._holds(at):
                 self._reduced.append(reduce_matrices(self.structure, at, beside=self.reduced))
         return MatricesNear(self, coordinates)
+
+    def _holds(self, at: Mapping[str, float]) -> bool:
+        """Tell whether the basis is exact enough at some factors, or hardly elsewhere, where that is known."""
+        place = np.array([at.get(one.name, one.nominal) for one in self.structure.factors])
+        if not any(np.all(np.abs(place - own) <= _CLOSE * np.abs(own)) for own in self._known_to_hold):
+            if self.reduced.error(at) > _EXACT:
+                return False
+            self._known_to_hold.append(place)
+        return True
 
     def parts(self) -> list[tuple[Target, str, Vector]]:
         """Return what the matrices are the sum of: target, what it is multiplied by, and matrix."""
