@@ -74,7 +74,7 @@ def address(folder):
             pytest.fail("".join(said))
         yield found[1]
         process.send_signal(signal.SIGINT)
-        assert process.wait(timeout=30) in (0, 130)
+        assert process.wait(timeout=PATIENCE / 1000) in (0, 130)
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,9 @@ def says(page, selector, words, patience=PATIENCE):
 
 def status(url, **headers):
     try:
-        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30) as answer:
+        with urllib.request.urlopen(
+            urllib.request.Request(url, headers=headers), timeout=PATIENCE / 1000
+        ) as answer:
             return answer.status
     except urllib.error.HTTPError as error:
         return error.code
