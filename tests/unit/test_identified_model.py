@@ -17,7 +17,7 @@ from updating.errors import FitError
 from updating.fitting.fit import Fit, ParameterEstimate, fit
 from updating.report import identified_model as module
 from updating.report.answer import before_after_table, frac_sentence
-from updating.report.identified_model import Found, identified_model, what_was_found, with_models
+from updating.report.identified_model import Addition, identified_effects, identified_model, with_models
 from updating.report.modes_part import by_model, complexity_table, pair_tables
 from updating.report.page import render
 from updating.report.part import Picture, Section, Table, of_model
@@ -48,7 +48,7 @@ def diagnosis(*effects, parameter=(), measurement=()):
 
 def test_effects_and_values_are_those_of_the_answer():
     own = (estimate(PARAMETER, VALUE), estimate("length", 0.99))
-    found = what_was_found(
+    found = identified_effects(
         results(diagnosis=diagnosis(EFFECT, "stated_size", parameter=own, measurement=("stated_size",)))
     )
     assert (found.effects, found.value) == ((EFFECT,), {PARAMETER: VALUE})
@@ -60,14 +60,14 @@ def test_without_a_diagnosis_the_last_model_of_the_ledger_is_what_was_found():
         SimpleNamespace(effects=effects, shared=(estimate(PARAMETER, VALUE),) if effects else ())
         for effects in ((), (EFFECT,))
     )
-    found = what_was_found(results(ledger=entries))
+    found = identified_effects(results(ledger=entries))
     assert (found.effects, found.value) == ((EFFECT,), {PARAMETER: VALUE})
-    assert what_was_found(results(ledger=entries[:1])) is None
+    assert identified_effects(results(ledger=entries[:1])) is None
 
 
 @pytest.mark.parametrize("effects", [("stated_size",), ("own_effect",)])
 def test_what_is_wrong_with_the_measurement_and_an_effect_of_a_file_change_no_model(effects):
-    assert what_was_found(results(diagnosis=diagnosis(*effects, measurement=("stated_size",)))) is None
+    assert identified_effects(results(diagnosis=diagnosis(*effects, measurement=("stated_size",)))) is None
 
 
 def campaign_stack():
@@ -99,7 +99,7 @@ def tested():
     )  # fmt: skip
 
 
-FOUND = Found(effects=(EFFECT,), value={PARAMETER: VALUE}, source=Path("diagnosis.json"))
+FOUND = Addition(effects=(EFFECT,), value={PARAMETER: VALUE}, source=Path("diagnosis.json"))
 
 
 @pytest.fixture(scope="module")

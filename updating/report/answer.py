@@ -31,128 +31,129 @@ _MOST_IN_SENTENCE = 3  # explanations that one sentence can name
 _MAPS = 3  # of configurations; beside the steps they fill two rows
 
 
-def opening_section(results: Results, own: Sequence[Section] = ()) -> Section:
-    """Make what a reader sees first.
+def opening_section(results: Results, configurations: Sequence[Section] = ()) -> Section:
+    """Make the section that a reader sees first.
 
     Parameters
     ----------
     results : Results
         What to show.
-    own : sequence of Section
-        Those of the configurations, which lend their pictures of where the model fails.
+    configurations : sequence of Section
+        Sections of the configurations; their pictures of where the model fails are shown here, too.
     """
     way, modes = steps(results), mode_changes(results)
     pictures = [
         *([step_picture(way)] if way else []),
-        *_places(results, own),
+        *_places(results, configurations),
         *([mode_picture(modes)] if modes else []),
     ]
     return Section(title="Answer", text=results.remarks, blocks=(opening(results), *pictures))
 
 
 def opening(results: Results) -> Opening:
-    """Say the verdict, the answer, and what to run next."""
-    found = results.diagnosis
-    if found is None:
+    """Return the verdict, the answer, and the command to run next."""
+    diagnosis = results.diagnosis
+    if diagnosis is None:
         return _of_a_fit(results)
-    tone = _TONE.get(found.verdict, "open")
-    command, reason = _after_diagnosis(results, found)
+    tone = _TONE.get(diagnosis.verdict, "open")
+    command, reason = _after_diagnosis(results, diagnosis)
     return Opening(
-        badge=_badge(found),
+        badge=_badge(diagnosis),
         tone=tone,  # type: ignore[arg-type]
-        sentence=" ".join((headline(found), *apart_sentence(found), *frac_sentence(results))),
+        sentence=" ".join((headline(diagnosis), *apart_sentence(diagnosis), *frac_sentence(results))),
         command=command,
         reason=reason,
     )
 
 
-def _badge(found: Diagnosis) -> str:
-    """Return the verdict in a word or two; where something was identified, what: modes are identified, too."""
-    if found.verdict != "identified":
-        return found.verdict
-    if set(found.set[0]) <= set(found.measurement):
+def _badge(diagnosis: Diagnosis) -> str:
+    """Return the verdict in a word or two; where something was identified, say what, for modes are identified, too."""
+    if diagnosis.verdict != "identified":
+        return diagnosis.verdict
+    if set(diagnosis.set[0]) <= set(diagnosis.measurement):
         return "fault of the measurement identified"
-    return "effect identified" if len(found.set[0]) == 1 else "effects identified"
+    return "effect identified" if len(diagnosis.set[0]) == 1 else "effects identified"
 
 
-def apart_sentence(found: Diagnosis) -> tuple[str, ...]:
-    """Say how well a whole configuration is predicted by the others, where that is much worse than a mode is."""
-    if found.verdict not in ("identified", "partly explained", "nothing missing"):
+def apart_sentence(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Say how well the others predict a whole configuration, where they predict it much worse than a mode."""
+    if diagnosis.verdict not in ("identified", "partly explained", "nothing missing"):
         return ()
-    own = found.ranked(found.set[0] if found.set else ())
-    if not own.left_out_configuration_error > APART * own.left_out_error:  # NaN where there is no other one
+    answer = diagnosis.ranked(diagnosis.set[0] if diagnosis.set else ())
+    # the error is NaN where there is no other configuration
+    if not answer.left_out_configuration_error > APART * answer.left_out_error:
         return ()
     return (
-        f"A whole configuration that is left out is predicted to {percent(own.left_out_configuration_error)} only: its "
-        "contact is then taken from the others, and each assembly differs.",
+        f"A whole configuration that is left out is predicted to {percent(answer.left_out_configuration_error)} only: "
+        "its contact is then taken from the others, and each assembly differs.",
     )
 
 
 def frac_sentence(results: Results) -> tuple[str, ...]:
-    """Say how well the model's functions meet the measured ones, before and after; nothing where that is not known."""
-    own = [t.identified for t in results.tested if t.identified is not None]
-    own = [m for m in own if np.isfinite([m.base_frac, m.frac]).all()]
-    if not own:
+    """Say how well the model's functions match the measured ones, before and after; nothing where that is not known."""
+    models = [t.identified for t in results.tested if t.identified is not None]
+    models = [m for m in models if np.isfinite([m.base_frac, m.frac]).all()]
+    if not models:
         return ()
-    before, after = (float(np.mean([getattr(m, name) for m in own])) for name in ("base_frac", "frac"))
+    before, after = (float(np.mean([getattr(m, name) for m in models])) for name in ("base_frac", "frac"))
     way = "rises" if after > before else "goes"
     return (
         f"The likeness of modelled and measured FRFs (mean FRAC) {way} from {before:.2f} to {after:.2f}.",
     )
 
 
-def headline(found: Diagnosis) -> str:
+def headline(diagnosis: Diagnosis) -> str:
     """Write the answer of a diagnosis as one sentence, with the names that a person uses."""
-    base = found.ranked(())
-    if found.verdict == "nothing missing":
+    base = diagnosis.ranked(())
+    if diagnosis.verdict == "nothing missing":
         return (
             "The model lacks nothing that these data can show: its frequencies are off by "
             f"{percent(base.frequency_error)} in the mean."
         )
-    if found.verdict == "unlike anything":
+    if diagnosis.verdict == "unlike anything":
         return (
             "The model lacks something that is unlike anything in the catalogue: its frequencies are off by "
             f"{percent(base.frequency_error)} in the mean, and no effect makes it predict better."
         )
-    named = [together([found.labels.get(e, e) for e in effects]) for effects in found.set]
-    if found.verdict == "one of" and (beside := further_effects(found)):
+    named = [together([diagnosis.labels.get(e, e) for e in effects]) for effects in diagnosis.set]
+    if diagnosis.verdict == "one of" and (beside := further_effects(diagnosis)):
         also = "; or ".join(
-            together([found.labels.get(e, e) for e in own]) for own in beside[:_MOST_IN_SENTENCE]
+            together([diagnosis.labels.get(e, e) for e in effects]) for effects in beside[:_MOST_IN_SENTENCE]
         )
         return f"What the model lacks is {named[0]}. Whether it lacks {also} as well, the data cannot tell."
-    if found.verdict == "one of":
+    if diagnosis.verdict == "one of":
         first = "; or ".join(named[:_MOST_IN_SENTENCE])
         more = f"; or one of {len(named) - _MOST_IN_SENTENCE} more" if len(named) > _MOST_IN_SENTENCE else ""
         return f"One of these is missing, and the data cannot tell which: {first}{more}."
-    own = found.ranked(found.set[0])
-    kind = telling(base, own)
+    answer = diagnosis.ranked(diagnosis.set[0])
+    kind = telling(base, answer)
     fall = (
         f"with it the mean {'frequency error' if kind == 'frequency' else 'error of damping ratios'} falls from "
-        f"{percent(base.error(kind))} to {percent(own.error(kind))}"
-        if own.error(kind) < base.error(kind)
-        else f"it explains {100.0 * found.explained:.0f} % of the misfit"
+        f"{percent(base.error(kind))} to {percent(answer.error(kind))}"
+        if answer.error(kind) < base.error(kind)
+        else f"it explains {100.0 * diagnosis.explained:.0f} % of the misfit"
     )
-    if np.isfinite([base.left_out(kind), own.left_out(kind)]).all():
-        fall += f", of modes left out from {percent(base.left_out(kind))} to {percent(own.left_out(kind))}"
-    if found.verdict == "partly explained":
+    if np.isfinite([base.left_out(kind), answer.left_out(kind)]).all():
+        fall += f", of modes left out from {percent(base.left_out(kind))} to {percent(answer.left_out(kind))}"
+    if diagnosis.verdict == "partly explained":
         return f"A part of what is missing is {named[0]}: {fall}; the rest is unlike it."
-    if set(own.effects) <= set(found.measurement):
+    if set(answer.effects) <= set(diagnosis.measurement):
         return f"Not the model but the measurement is wrong, in {named[0]}: {fall}."
     return f"What the model lacks is {named[0]}: {fall}."
 
 
-def _after_diagnosis(results: Results, found: Diagnosis) -> tuple[str, str]:
+def _after_diagnosis(results: Results, diagnosis: Diagnosis) -> tuple[str, str]:
     """Return the next command, and what it does; nothing where nothing is left to do, or its words are not known."""
     if results.campaign is None:
         return "", ""
     campaign, folder = str(results.campaign), str(results.folder)
-    if found.verdict == "one of" and found.next_tests:
+    if diagnosis.verdict == "one of" and diagnosis.next_tests:
         words = ["lamella", "next-test", campaign, "-o", folder]
         return shlex.join(words), "ranks further tests by how well they would tell them apart"
-    effects = found.set[0] if found.set else ()
+    effects = diagnosis.set[0] if diagnosis.set else ()
     fitted = any(set(entry.effects) == set(effects) for entry in results.ledger)
-    known = set(effects) <= catalogue().keys() | set(found.measurement)
-    command = next_command(found, campaign, folder) if known and not fitted else None
+    known = set(effects) <= catalogue().keys() | set(diagnosis.measurement)
+    command = next_command(diagnosis, campaign, folder) if known and not fitted else None
     if command is None:
         return shlex.join(
             ["lamella", "open", folder]
@@ -180,7 +181,7 @@ def _of_a_fit(results: Results) -> Opening:
         )
     changes = [tested.change for tested in results.tested if tested.change is not None]
     if changes:
-        changed = any(found.changed for found in changes)
+        changed = any(change.changed for change in changes)
         return Opening(
             badge="changed" if changed else "no change seen",
             tone="found" if changed else "good",
@@ -197,28 +198,28 @@ def _of_a_fit(results: Results) -> Opening:
 
 def _in_short(results: Results) -> list[str]:
     """Say of every state what changed and where, in two sentences, or whether it changed where no model says more."""
-    found: list[str] = []
+    sentences: list[str] = []
     for tested in results.tested:
         if tested.what_changed is not None and tested.what_changed.left:
-            found += tested.what_changed.sentences[:2]
+            sentences += tested.what_changed.sentences[:2]
         elif tested.change is not None:
-            found.append(f"{change_sentence(tested.change)}.")
-    return found
+            sentences.append(f"{change_sentence(tested.change)}.")
+    return sentences
 
 
 def change_sentences(results: Results) -> tuple[str, ...]:
     """Say of every configuration that has a reference whether it changed, and what and where."""
-    found: list[str] = []
+    sentences: list[str] = []
     for tested in results.tested:
         if tested.change is not None:
-            found.append(f"{change_sentence(tested.change)}.")
+            sentences.append(f"{change_sentence(tested.change)}.")
         if tested.what_changed is not None:
-            found += tested.what_changed.sentences
-    return tuple(found)
+            sentences += tested.what_changed.sentences
+    return tuple(sentences)
 
 
 def fit_sentences(results: Results) -> tuple[str, ...]:
-    """Say in words what was identified and how far the fitted model is off."""
+    """Say in words what was identified and how large the errors of the fitted model are."""
     if results.table:
         return _table_sentences(results)
     n = len(results.tested)
@@ -244,7 +245,7 @@ def fit_sentences(results: Results) -> tuple[str, ...]:
 
 
 def _update_sentences(results: Results, configurations: str) -> tuple[str, ...]:
-    """Say what an updating changed."""
+    """Say how much an updating changed the frequency errors."""
     if results.updated is None:
         return ()
     fit = results.updated.fit
@@ -269,9 +270,9 @@ def _table_sentences(results: Results) -> tuple[str, ...]:
     )
 
 
-def _places(results: Results, own: Sequence[Section]) -> list[Picture]:
+def _places(results: Results, configurations: Sequence[Section]) -> list[Picture]:
     """Return the pictures of where the model fails, side by side; those that more modes show stand first."""
-    maps = {p.name: p for part in own for p in part.pictures if p.name.startswith("error_map_")}
+    maps = {p.name: p for part in configurations for p in part.pictures if p.name.startswith("error_map_")}
     fits = [t.fit for t in results.tested if t.fit is not None]
     order = sorted(fits, key=lambda fit: (-fit.pairing.measured.size, -fit.error))
     return [maps[name] for fit in order if (name := f"error_map_{fit.name}") in maps][:_MAPS]
@@ -281,7 +282,7 @@ _SHOWN = 8  # explanations of a diagnosis
 
 
 def answer_section(results: Results) -> Section:
-    """Say in full what was found, how sure that is and what was tried, or how the model stands to the measurement."""
+    """Say in full what was identified, how sure that is and what was tried, or how far the model is from the data."""
     if results.diagnosis is not None:
         text = results.diagnosis.sentences
         blocks: tuple[Table, ...] = (
@@ -299,20 +300,20 @@ def answer_section(results: Results) -> Section:
 
 
 def before_after_table(results: Results) -> Table:
-    """List what the base model and the model with what was identified do in each configuration."""
+    """List errors, MAC and FRAC of the base model and of the identified model in each configuration."""
     pairs = [(t, t.fit, t.identified) for t in results.tested]
     rows = [
         (
             t.name,
             f"{100 * fit.error:.2f}",
-            f"{100 * own.fit.error:.2f}",
+            f"{100 * identified.fit.error:.2f}",
             f"{fit.pairing.paired_mac.mean():.3f}",
-            f"{own.fit.pairing.paired_mac.mean():.3f}",
-            "" if np.isnan(own.base_frac) else f"{own.base_frac:.3f}",
-            "" if np.isnan(own.frac) else f"{own.frac:.3f}",
+            f"{identified.fit.pairing.paired_mac.mean():.3f}",
+            "" if np.isnan(identified.base_frac) else f"{identified.base_frac:.3f}",
+            "" if np.isnan(identified.frac) else f"{identified.frac:.3f}",
         )
-        for t, fit, own in pairs
-        if fit is not None and own is not None
+        for t, fit, identified in pairs
+        if fit is not None and identified is not None
     ]
     return Table(
         title="The base model, and the model with what was identified",
@@ -382,17 +383,17 @@ def explanation_table(results: Results) -> Table:
         ),
         rows=tuple(
             (
-                " + ".join(labels.get(e, e) for e in own.effects) or "none",
-                f"{own.probability:.3f}",
-                f"{100 * own.explained:.0f}",
-                f"{100 * own.frequency_error:.2g}",
-                f"{100 * own.left_out_error:.2g}",
+                " + ".join(labels.get(e, e) for e in explanation.effects) or "none",
+                f"{explanation.probability:.3f}",
+                f"{100 * explanation.explained:.0f}",
+                f"{100 * explanation.frequency_error:.2g}",
+                f"{100 * explanation.left_out_error:.2g}",
                 "; ".join(
                     f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}){'' if p.unit == '1' else ' ' + p.unit}"
-                    for p in own.parameter
+                    for p in explanation.parameter
                 ),
             )
-            for own in ranking
+            for explanation in ranking
         ),
         note="Explained: share of the squared differences of frequencies, damping ratios and shapes, over the "
         "variances of noise and of the discrepancy that the best explanation leaves. Left out: the frequency error "
@@ -403,21 +404,21 @@ def explanation_table(results: Results) -> Table:
 
 def moved_table(results: Results) -> Table:
     """List every quantity of stack file and measurement that all fits may move, as stated and as fitted."""
-    every = results.diagnosis.moved if results.diagnosis is not None else ()
-    ordered = sorted(every, key=lambda own: -abs(own.deviations or 0.0))
+    quantities = results.diagnosis.moved if results.diagnosis is not None else ()
+    ordered = sorted(quantities, key=lambda moved: -abs(moved.deviations or 0.0))
     return Table(
         title="What else was fitted",
         header=("quantity", "stated", "fitted", "± 95 %", "known to ± 95 %", "standard deviations moved"),
         rows=tuple(
             (
-                own.label,
-                quantity(own.stated, own.unit, own.value),
-                quantity(own.value, own.unit),
-                quantity(Z95 * own.std, own.unit, own.value),
-                "" if own.prior is None else quantity(Z95 * own.prior, own.unit, own.value),
-                "" if own.deviations is None else f"{abs(own.deviations):.1f}",
+                moved.label,
+                quantity(moved.stated, moved.unit, moved.value),
+                quantity(moved.value, moved.unit),
+                quantity(Z95 * moved.std, moved.unit, moved.value),
+                "" if moved.prior is None else quantity(Z95 * moved.prior, moved.unit, moved.value),
+                "" if moved.deviations is None else f"{abs(moved.deviations):.1f}",
             )
-            for own in ordered
+            for moved in ordered
         ),
         note="Beside effects, every fit may move these within what is known of them beforehand; of G_f and d_f nothing "
         "is. Beyond three standard deviations either the stack file states something wrongly, or something is missing "

@@ -68,30 +68,31 @@ class ModeChange:
 
 
 def steps(results: Results) -> tuple[Step, ...]:
-    """Return the way of the error, one effect at a time; none where no effect was added."""
+    """Return the errors of the models, one effect after the other; nothing where no effect was added."""
     if results.diagnosis is not None and len(results.diagnosis.steps) > 1:
         return diagnosis_steps(results.diagnosis)
     if len(results.ledger) > 1:
         first, last = results.ledger[0], results.ledger[-1]
         added = [[name.partition(" (")[0] for name in printed_effects(last.effects)]]
-        return _steps(added, [(own.error, own.mode_error) for own in (first, last)])
+        return _steps(added, [(entry.error, entry.mode_error) for entry in (first, last)])
     return ()
 
 
-def diagnosis_steps(found: Diagnosis) -> tuple[Step, ...]:
-    """Return the way of the error from the base model to the answer of a diagnosis."""
+def diagnosis_steps(diagnosis: Diagnosis) -> tuple[Step, ...]:
+    """Return the errors of the models from the base model to the answer of a diagnosis."""
     added = [
-        [found.labels.get(e, e) for e in after.effects if e not in before.effects]
-        for before, after in itertools.pairwise(found.steps)
+        [diagnosis.labels.get(e, e) for e in after.effects if e not in before.effects]
+        for before, after in itertools.pairwise(diagnosis.steps)
     ]
-    kind = telling(found.steps[0], found.steps[-1])
-    return _steps(added, [(own.error(kind), own.left_out(kind)) for own in found.steps], kind)
+    kind = telling(diagnosis.steps[0], diagnosis.steps[-1])
+    errors = [(explanation.error(kind), explanation.left_out(kind)) for explanation in diagnosis.steps]
+    return _steps(added, errors, kind)
 
 
 def _steps(
     added: Sequence[Sequence[str]], errors: Sequence[tuple[float, float]], kind: Telling = "frequency"
 ) -> tuple[Step, ...]:
-    names = ["base model", *(" and ".join(own) for own in added)]
+    names = ["base model", *(" and ".join(effects) for effects in added)]
     return tuple(
         Step(name=name, error=error, left_out=left_out, kind=kind)
         for name, (error, left_out) in zip(names, errors, strict=True)
@@ -99,13 +100,13 @@ def _steps(
 
 
 def mode_changes(results: Results) -> tuple[ModeChange, ...]:
-    """Return the errors of all modes before and after; of a fit without effects, what it leaves."""
+    """Return the errors of all modes before and after; of a fit without effects, those that remain."""
     if results.diagnosis is not None:
         return diagnosis_changes(results.diagnosis)
     return tuple(_updated(results) if results.updated is not None else _fitted(results))
 
 
-def diagnosis_changes(found: Diagnosis) -> tuple[ModeChange, ...]:
+def diagnosis_changes(diagnosis: Diagnosis) -> tuple[ModeChange, ...]:
     """Return the errors of the modes with the base model and with the answer of a diagnosis."""
     return tuple(
         ModeChange(
@@ -115,29 +116,29 @@ def diagnosis_changes(found: Diagnosis) -> tuple[ModeChange, ...]:
             before=e.base,
             after=e.explained,
         )
-        for e in found.errors
+        for e in diagnosis.errors
     )
 
 
 def errors_with_additions(results: Results) -> dict[str, dict[int, float]]:
     """Return, by configuration and number of the mode, the relative frequency errors with what was identified."""
-    found: dict[str, dict[int, float]] = {}
-    for own in mode_changes(results):
-        if np.isfinite(own.after):
-            found.setdefault(own.configuration, {})[own.mode] = own.after
-    return found
+    errors: dict[str, dict[int, float]] = {}
+    for change in mode_changes(results):
+        if np.isfinite(change.after):
+            errors.setdefault(change.configuration, {})[change.mode] = change.after
+    return errors
 
 
 def _updated(results: Results) -> Iterator[ModeChange]:
-    for own in () if results.updated is None else results.updated.fit.configuration:
-        for r in np.flatnonzero(own.used):
-            f = own.measured_frequency[r]
+    for configuration in () if results.updated is None else results.updated.fit.configuration:
+        for r in np.flatnonzero(configuration.used):
+            f = configuration.measured_frequency[r]
             yield ModeChange(
-                configuration=own.name,
+                configuration=configuration.name,
                 mode=int(r) + 1,
                 frequency=float(f),
-                before=float(own.frequency_before[r] / f - 1.0),
-                after=float(own.frequency[r] / f - 1.0),
+                before=float(configuration.frequency_before[r] / f - 1.0),
+                after=float(configuration.frequency[r] / f - 1.0),
             )
 
 
@@ -165,10 +166,10 @@ def step_picture(way: Sequence[Step]) -> Picture:
         form="svg",
         data=as_csv(
             ("step", f"{way[0].kind} error of modes fitted [1]", "of modes left out [1]"),
-            ((own.name, own.error, own.left_out) for own in way),
+            ((step.name, step.error, step.left_out) for step in way),
         ),
         alt=f"The mean {_KINDS[way[0].kind]} before and after each step: "
-        + "; ".join(f"{own.name} {percent(own.error)}, left out {percent(own.left_out)}" for own in way),
+        + "; ".join(f"{step.name} {percent(step.error)}, left out {percent(step.left_out)}" for step in way),
         caption=f"Mean {_KINDS[way[0].kind]} before and after each effect. Left out: each mode predicted by "
         "a fit to all others, which an effect that only bends to the data does not lower.",
         width="half",
@@ -179,10 +180,10 @@ def step_picture(way: Sequence[Step]) -> Picture:
 def step_chart(way: Sequence[Step]) -> str:
     """Return the steps as a waterfall to be zoomed."""
     names = _bar_names(way)
-    highest = max(own.error if np.isnan(own.left_out) else max(own.error, own.left_out) for own in way)
+    highest = max(step.error if np.isnan(step.left_out) else max(step.error, step.left_out) for step in way)
     traces = []
     for key, (label, color) in _ERRORS.items():
-        value = [getattr(own, key) for own in way]
+        value = [getattr(step, key) for step in way]
         fall = [100.0 * (after - before) for before, after in itertools.pairwise(value)]
         marker = {"color": color}
         traces.append(
@@ -223,7 +224,7 @@ def draw_steps(axes: Axes, way: Sequence[Step]) -> None:
     """Draw the waterfall of `step_figure` into axes."""
     at = np.arange(len(way) + 1)
     for shift, (key, (label, color)) in zip((-0.2, 0.2), _ERRORS.items(), strict=True):
-        value = 100.0 * np.array([getattr(own, key) for own in way])
+        value = 100.0 * np.array([getattr(step, key) for step in way])
         low = np.array([0.0, *np.minimum(value[1:], value[:-1]), 0.0])
         high = np.array([value[0], *np.maximum(value[1:], value[:-1]), value[-1]])
         axes.bar(at + shift, high - low, 0.38, bottom=low, color=color, label=label)
@@ -244,14 +245,17 @@ def draw_steps(axes: Axes, way: Sequence[Step]) -> None:
 
 def mode_picture(modes: Sequence[ModeChange]) -> Picture:
     """Draw the frequency error of every mode, before and after."""
-    after = any(np.isfinite(own.after) for own in modes)
+    after = any(np.isfinite(change.after) for change in modes)
     return Picture(
         name="error_modes",
         content=svg(mode_figure(modes)),
         form="svg",
         data=as_csv(
             ("configuration", "mode", "measured frequency [Hz]", "error before [1]", "error after [1]"),
-            ((own.configuration, own.mode, own.frequency, own.before, own.after) for own in modes),
+            (
+                (change.configuration, change.mode, change.frequency, change.before, change.after)
+                for change in modes
+            ),
         ),
         alt=f"Frequency errors of {len(modes)} modes{' before and after' if after else ''}",
         caption="(model - measured) / measured frequency of every mode, with the base model"
@@ -262,10 +266,10 @@ def mode_picture(modes: Sequence[ModeChange]) -> Picture:
 
 def mode_chart(modes: Sequence[ModeChange]) -> str:
     """Return the errors of the modes as bars to be zoomed."""
-    own = [_mode_name(m) for m in modes]
+    labels = [_mode_name(m) for m in modes]
     traces = [
         {
-            "type": "bar", "name": name, "x": [[m.configuration for m in modes], own],
+            "type": "bar", "name": name, "x": [[m.configuration for m in modes], labels],
             "y": [100.0 * getattr(m, key) for m in modes], "marker": {"color": color},
             "hovertemplate": "%{x[0]}, %{x[1]}: %{y:+.3f} %<extra>" + name + "</extra>",
         }
@@ -318,28 +322,30 @@ def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
     ]
 
 
-def _mode_name(own: ModeChange) -> str:
-    return f"{own.mode}: {frequency_text(own.frequency, 0)} Hz"
+def _mode_name(change: ModeChange) -> str:
+    return f"{change.mode}: {frequency_text(change.frequency, 0)} Hz"
 
 
 def _bar_names(way: Sequence[Step]) -> list[str]:
     """Return what stands below the bars: the base model, what was added, and what is left."""
-    added = [f"+ {own.name}" for own in way[1:]]
+    added = [f"+ {step.name}" for step in way[1:]]
     return ["<br>".join(textwrap.wrap(name, _WIDE)) for name in (way[0].name, *added, "what is left")]
 
 
 _MOST_KINDS = 8
 
 
-def what_changed_section(found: WhatChanged) -> Section:
+def what_changed_section(what_changed: WhatChanged) -> Section:
     """Show what changed in a state, where, and what else was weighed."""
-    named = found.verdict in ("identified", "one of", "partly explained")
-    drawn = named and found.map.size > 0
-    blocks = (map_picture(found), kind_table(found)) if drawn else (kind_table(found),)
-    return Section(title=f"What changed in {found.name}, and where", text=found.sentences, blocks=blocks)
+    named = what_changed.verdict in ("identified", "one of", "partly explained")
+    drawn = named and what_changed.map.size > 0
+    blocks = (map_picture(what_changed), kind_table(what_changed)) if drawn else (kind_table(what_changed),)
+    return Section(
+        title=f"What changed in {what_changed.name}, and where", text=what_changed.sentences, blocks=blocks
+    )
 
 
-def kind_table(found: WhatChanged) -> Table:
+def kind_table(what_changed: WhatChanged) -> Table:
     """List the likeliest kinds of change."""
     return Table(
         title="Kinds of change",
@@ -347,72 +353,73 @@ def kind_table(found: WhatChanged) -> Table:
             "kind",
             "log odds",
             "probability",
-            *(f"{a} [mm]" for a in found.axes),
+            *(f"{a} [mm]" for a in what_changed.axes),
             "size",
             "explained [%]",
         ),
         rows=tuple(
             (
-                own.label,
-                f"{own.log_odds:.1f}",
-                f"{own.probability:.2g}",
-                *(_place(own, AXES.index(a)) for a in found.axes),
-                size_text(own),
-                f"{100 * own.explained:.0f}",
+                kind.label,
+                f"{kind.log_odds:.1f}",
+                f"{kind.probability:.2g}",
+                *(_place(kind, AXES.index(a)) for a in what_changed.axes),
+                size_text(kind),
+                f"{100 * kind.explained:.0f}",
             )
-            for own in found.kinds[:_MOST_KINDS]
+            for kind in what_changed.kinds[:_MOST_KINDS]
         ),
         note="Log odds: natural logarithm of the posterior odds against no change beyond the scatter of assembly. "
         "Explained: share of the misfit beyond that scatter. "
         + (
             "Cannot be: "
-            + "; ".join(f"{name}, {why}" for name, why in sorted(found.impossible.items()))
+            + "; ".join(f"{name}, {why}" for name, why in sorted(what_changed.impossible.items()))
             + "."
-            if found.impossible
+            if what_changed.impossible
             else ""
         ),
     )
 
 
-def _place(own: KindOfChange, axis_: int) -> str:
-    if not own.local:
-        return own.part or "all over"
-    return f"{1e3 * own.place[axis_]:.0f} ± {1e3 * own.place_std[axis_]:.0f}"
+def _place(kind: KindOfChange, axis_: int) -> str:
+    if not kind.local:
+        return kind.part or "all over"
+    return f"{1e3 * kind.place[axis_]:.0f} ± {1e3 * kind.place_std[axis_]:.0f}"
 
 
-def map_picture(found: WhatChanged) -> Picture:
+def map_picture(what_changed: WhatChanged) -> Picture:
     """Draw the probability of the location over the axes of the map."""
-    across, up = found.axes[:2]
-    x, y = np.meshgrid(found.x, found.y, indexing="ij")
-    i, j = np.unravel_index(int(np.argmax(found.map)), found.map.shape)
+    across, up = what_changed.axes[:2]
+    x, y = np.meshgrid(what_changed.x, what_changed.y, indexing="ij")
+    i, j = np.unravel_index(int(np.argmax(what_changed.map)), what_changed.map.shape)
     return Picture(
-        name=f"what_changed_{found.name}",
-        content=svg(map_figure(found)),
+        name=f"what_changed_{what_changed.name}",
+        content=svg(map_figure(what_changed)),
         form="svg",
         data=as_csv(
             (f"{across} [m]", f"{up} [m]", "probability of the cell"),
-            zip(x.ravel(), y.ravel(), found.map.ravel(), strict=True),
+            zip(x.ravel(), y.ravel(), what_changed.map.ravel(), strict=True),
         ),
-        alt=f"Probability of the location of the change, largest at {across} = {1e3 * found.x[i]:.0f} mm, "
-        f"{up} = {1e3 * found.y[j]:.0f} mm",
+        alt=f"Probability of the location of the change, largest at {across} = {1e3 * what_changed.x[i]:.0f} mm, "
+        f"{up} = {1e3 * what_changed.y[j]:.0f} mm",
         caption="Where it changed: probability of each cell of the plan, given that one of the kinds that are left is "
         "right.",
         width="half",
-        chart=map_chart(found),
+        chart=map_chart(what_changed),
     )
 
 
-def map_chart(found: WhatChanged) -> str:
+def map_chart(what_changed: WhatChanged) -> str:
     """Return the probability of the location as a chart."""
-    across, up = found.axes[:2]
+    across, up = what_changed.axes[:2]
     traces = [
         {
-            "type": "heatmap", "x": single(1e3 * found.x), "y": single(1e3 * found.y), "z": single(100.0 * found.map.T),
+            "type": "heatmap", "x": single(1e3 * what_changed.x), "y": single(1e3 * what_changed.y),
+            "z": single(100.0 * what_changed.map.T),
             "colorscale": palette.PLACE, "zmin": 0.0, "colorbar": {"title": {"text": "%"}, "thickness": 10},
             "hovertemplate": f"{across} = %{{x:.0f}} mm, {up} = %{{y:.0f}} mm: %{{z:.2g}} %<extra></extra>",
         }
     ]  # fmt: skip
-    (x0, x1), (y0, y1) = 1e3 * found.box
+    (x0, x1), (y0, y1) = 1e3 * what_changed.box
     return chart(
         traces,
         {
@@ -423,21 +430,21 @@ def map_chart(found: WhatChanged) -> str:
     )
 
 
-def map_figure(found: WhatChanged) -> Figure:
+def map_figure(what_changed: WhatChanged) -> Figure:
     """Draw the same for print."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.0, 3.8), layout="constrained")
     axes = figure.subplots()
-    (x0, x1), (y0, y1) = 1e3 * found.box
+    (x0, x1), (y0, y1) = 1e3 * what_changed.box
     drawn = axes.imshow(
-        100.0 * found.map.T,
+        100.0 * what_changed.map.T,
         origin="lower",
         extent=(x0, x1, y0, y1),
         cmap=palette.PLACE,
         vmin=0.0,
         aspect="equal",
     )
-    axes.set(xlabel=f"{found.axes[0]} [mm]", ylabel=f"{found.axes[1]} [mm]")
+    axes.set(xlabel=f"{what_changed.axes[0]} [mm]", ylabel=f"{what_changed.axes[1]} [mm]")
     figure.colorbar(drawn, ax=axes, label="probability [%]", shrink=0.7)
     return figure

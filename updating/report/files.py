@@ -88,16 +88,16 @@ def find_browser() -> Path:
     StoreError
         None is on PATH or at its usual place.
     """
-    found = next((path for path in map(shutil.which, NAMES) if path is not None), None)
-    found = found or next((path for path in _PATHS if Path(path).is_file()), None)
-    if found is None:
+    program = next((path for path in map(shutil.which, NAMES) if path is not None), None)
+    program = program or next((path for path in _PATHS if Path(path).is_file()), None)
+    if program is None:
         message = (
             "no browser to print a PDF with. Install one: `apt install chromium` on Debian, `snap install chromium` on "
             "Ubuntu, `dnf install chromium` on Fedora, else Google Chrome or Microsoft Edge, so that one of "
             f"{', '.join(NAMES[:4])} or msedge is on PATH; or open report.html in any browser and print it"
         )
         raise StoreError(message)
-    return Path(found)
+    return Path(program)
 
 
 def print_pdf(page: Path) -> Path:
@@ -159,9 +159,9 @@ def write_slides(results: Results) -> Path:
 
     show: Any = Presentation()
     show.slide_width, show.slide_height = Inches(_WIDE), Inches(_HIGH)
-    own = opening(results)
+    answer = opening(results)
     way, modes = steps(results), mode_changes(results)
-    first = _slide(show, f"{results.name}: {own.badge}", own.sentence)
+    first = _slide(show, f"{results.name}: {answer.badge}", answer.sentence)
     if way:
         _picture(first, as_png(_sized(step_figure(way))), 2.6, _HIGH - 3.0)
     if modes:
@@ -178,16 +178,16 @@ def write_slides(results: Results) -> Path:
     return path
 
 
-def _places(show: Any, every: Sequence[Tested]) -> None:
+def _places(show: Any, tested: Sequence[Tested]) -> None:
     """Put the pictures of where the base model fails beside each other."""
-    parts = [(t.name, part) for t in every if (part := _location(t)) is not None]
+    parts = [(t.name, part) for t in tested if (part := _location(t)) is not None]
     for start in range(0, len(parts), _BESIDE):
         slide = _slide(show, "Where the base model fails")
         width = (_WIDE - 2 * _EDGE) / min(_BESIDE, len(parts))
-        for k, (name, own) in enumerate(parts[start : start + _BESIDE]):
+        for k, (name, picture) in enumerate(parts[start : start + _BESIDE]):
             place = _EDGE + k * width
             _text(slide, name, _TOP, 14, left=place, width=width)
-            _picture(slide, own.content, _TOP + 0.5, _HIGH - _TOP - 1.0, left=place, width=width - 0.2)
+            _picture(slide, picture.content, _TOP + 0.5, _HIGH - _TOP - 1.0, left=place, width=width - 0.2)
 
 
 def _location(tested: Tested) -> Picture | None:
@@ -218,9 +218,9 @@ def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> Non
     for start in range(0, len(shapes), _SHAPES):
         slide = _slide(show, f"Mode shapes of {tested.name}")
         height = (_HIGH - _TOP - _EDGE) / _SHAPES
-        for k, own in enumerate(shapes[start : start + _SHAPES]):
-            _text(slide, own.alt, _TOP + k * height, 12)
-            _picture(slide, own.content, _TOP + k * height + 0.35, height - 0.4)
+        for k, shape in enumerate(shapes[start : start + _SHAPES]):
+            _text(slide, shape.alt, _TOP + k * height, 12)
+            _picture(slide, shape.content, _TOP + k * height + 0.35, height - 0.4)
 
 
 def _likeness(show: Any, tested: Tested) -> None:
@@ -233,14 +233,14 @@ def _likeness(show: Any, tested: Tested) -> None:
     if tested.identified is not None:
         fits["with what was identified"] = tested.identified.fit
     width = (_WIDE - 2 * _EDGE) / len(fits)
-    for k, (name, own) in enumerate(fits.items()):
+    for k, (name, fit) in enumerate(fits.items()):
         left = _EDGE + k * width
         text = (
-            f"{name}: mean frequency error {percent(own.error)}, mean MAC {own.pairing.paired_mac.mean():.3f}"
+            f"{name}: mean frequency error {percent(fit.error)}, mean MAC {fit.pairing.paired_mac.mean():.3f}"
         )
         _text(slide, text, _TOP - 0.2, 14, left=left, width=width)
         _picture(
-            slide, mac_picture(tested, own).content, _TOP + 0.3, _HIGH - 2.2, left=left, width=width - 0.2
+            slide, mac_picture(tested, fit).content, _TOP + 0.3, _HIGH - 2.2, left=left, width=width - 0.2
         )
 
 
@@ -290,9 +290,9 @@ def _picture(
     from pptx.util import Inches
 
     wide, high = Image.open(io.BytesIO(content)).size
-    own = min(width, height * wide / high)
-    place = Inches(left + (width - own) / 2.0), Inches(top)
-    slide.shapes.add_picture(io.BytesIO(content), *place, width=Inches(own))
+    drawn_width = min(width, height * wide / high)
+    place = Inches(left + (width - drawn_width) / 2.0), Inches(top)
+    slide.shapes.add_picture(io.BytesIO(content), *place, width=Inches(drawn_width))
 
 
 def _table(slide: Any, table: Table, rows: Sequence[Sequence[str]]) -> None:
@@ -355,67 +355,67 @@ _MOST = 6  # explanations of a ranking that are listed
 
 
 @html_of.register(Fit)
-def fit_html(own: Fit) -> str:
-    """Say G_f, d_f and the error, what contradicts the measurement, and list the pairs."""
-    pairing = own.pairing
+def fit_html(fit: Fit) -> str:
+    """Write G_f, d_f, the error and the findings, and list the pairs."""
+    pairing = fit.pairing
     rows = [
-        (str(r + 1), f"{own.modes.frequency[s]:.2f}", f"{100.0 * own.modes.damping[s]:.3g}", f"{a:.3f}")
+        (str(r + 1), f"{fit.modes.frequency[s]:.2f}", f"{100.0 * fit.modes.damping[s]:.3g}", f"{a:.3f}")
         for r, s, a in zip(pairing.measured, pairing.model, pairing.paired_mac, strict=True)
     ]
-    fitted = f"{parameter_text(own.G_f)}; {parameter_text(own.d_f)}"
+    fitted = f"{parameter_text(fit.G_f)}; {parameter_text(fit.d_f)}"
     return html_table(
-        f"{own.name}: mean frequency error {percent(own.error)}; {fitted}",
+        f"{fit.name}: mean frequency error {percent(fit.error)}; {fitted}",
         ("measured mode", "model [Hz]", "damping of the model [%]", "MAC"),
         rows,
-        " ".join(own.findings) or "± is half of the 95 % interval.",
+        " ".join(fit.findings) or "± is half of the 95 % interval.",
     )
 
 
 @figure_of.register(Fit)
-def fit_figure(own: Fit) -> Figure:
+def fit_figure(fit: Fit) -> Figure:
     """Draw the objectives over what was tried of G_f and d_f, beside the MAC of measured and modelled modes."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 3.4), layout="constrained")
     *places, right = figure.subplots(1, 3)
-    for axes, estimate in zip(places, (own.G_f, own.d_f), strict=True):
+    for axes, estimate in zip(places, (fit.G_f, fit.d_f), strict=True):
         draw_objective(axes, estimate)
-    last = int(own.pairing.model.max(initial=0)) + 2
-    image = right.imshow(own.pairing.mac[:, :last], cmap=palette.LIKENESS, vmin=0.0, vmax=1.0, aspect="auto")
-    shown = own.modes.frequency[:last]
+    last = int(fit.pairing.model.max(initial=0)) + 2
+    image = right.imshow(fit.pairing.mac[:, :last], cmap=palette.LIKENESS, vmin=0.0, vmax=1.0, aspect="auto")
+    shown = fit.modes.frequency[:last]
     right.set_xticks(range(shown.size), [frequency_text(f, 0) for f in shown], rotation=90, fontsize="small")
-    right.set_yticks(range(own.pairing.mac.shape[0]), [str(r + 1) for r in range(own.pairing.mac.shape[0])])
+    right.set_yticks(range(fit.pairing.mac.shape[0]), [str(r + 1) for r in range(fit.pairing.mac.shape[0])])
     right.set(xlabel="model [Hz]", ylabel="measured mode")
     figure.colorbar(image, ax=right, label="MAC")
     return figure
 
 
 @html_of.register(Diagnosis)
-def diagnosis_html(own: Diagnosis) -> str:
+def diagnosis_html(diagnosis: Diagnosis) -> str:
     """Say the answer in one sentence, and list the most probable explanations."""
     rows = [
         (
-            " and ".join(own.labels.get(e, e) for e in ranked.effects) or "base model",
+            " and ".join(diagnosis.labels.get(e, e) for e in ranked.effects) or "base model",
             percent(ranked.probability),
             percent(ranked.frequency_error),
             percent(ranked.left_out_error) if np.isfinite(ranked.left_out_error) else "",
             "; ".join(interval_text(p) for p in ranked.parameter),
         )
-        for ranked in own.shown(_MOST)
+        for ranked in diagnosis.shown(_MOST)
     ]
     header = ("explanation", "probability", "frequency error", "of modes left out", "parameters")
-    return f"<p><em>{escape(own.verdict)}</em></p>" + html_table(headline(own), header, rows)
+    return f"<p><em>{escape(diagnosis.verdict)}</em></p>" + html_table(headline(diagnosis), header, rows)
 
 
 @figure_of.register(Diagnosis)
-def diagnosis_figure(own: Diagnosis) -> Figure:
+def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the error before and after each step over the errors of the modes before and after."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 6.4), layout="constrained")
     above, below = figure.subfigures(2, 1, squeeze=False)[:, 0]
-    draw_steps(above.subplots(), diagnosis_steps(own))
-    draw_modes(below.subplots(), diagnosis_changes(own))
+    draw_steps(above.subplots(), diagnosis_steps(diagnosis))
+    draw_modes(below.subplots(), diagnosis_changes(diagnosis))
     for part in (above, below):
         part.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
     return figure

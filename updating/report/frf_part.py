@@ -163,7 +163,7 @@ def stabilization_picture(
     """Draw the poles of all orders with what is stable of each."""
     poles = zip(
         diagram.order, np.abs(diagram.pole) / (2.0 * np.pi), -diagram.pole.real / np.abs(diagram.pole),
-        diagram.cluster, *(own.astype(int) for own in (stable.frequency, stable.damping, stable.shape)), strict=True,
+        diagram.cluster, *(flag.astype(int) for flag in (stable.frequency, stable.damping, stable.shape)), strict=True,
     )  # fmt: skip
     return Picture(
         name=f"stabilization_{tested.name}",
@@ -209,7 +209,7 @@ def stabilization_chart(
             }
         )  # fmt: skip
     marks = [(float(f), "dash", palette.ACCENT) for f in modal_model.frequency]
-    marks += [(own.frequency, "dot", palette.QUIET) for own in dropped]
+    marks += [(column.frequency, "dot", palette.QUIET) for column in dropped]
     layout = {
         "height": 420,
         "xaxis": axis("frequency [Hz]", range=[float(diagram.frequency[0]), float(diagram.frequency[-1])]),
@@ -226,10 +226,10 @@ def stabilization_chart(
         ],
         "annotations": [
             {
-                "x": own.frequency, "y": 1, "yref": "paper", "text": "✕", "showarrow": False, "yanchor": "bottom",
-                "hovertext": own.reason, "font": {"color": palette.ACCENT},
+                "x": column.frequency, "y": 1, "yref": "paper", "text": "✕", "showarrow": False, "yanchor": "bottom",
+                "hovertext": column.reason, "font": {"color": palette.ACCENT},
             }
-            for own in dropped
+            for column in dropped
         ],
     }  # fmt: skip
     return chart(traces, layout)
@@ -240,7 +240,7 @@ def dropped_table(dropped: Sequence[DroppedColumn]) -> Table:
     return Table(
         title="Columns that are no mode",
         header=("column [Hz]", "why it was not taken"),
-        rows=tuple((f"{own.frequency:.1f}", own.reason) for own in dropped),
+        rows=tuple((f"{column.frequency:.1f}", column.reason) for column in dropped),
     )
 
 
@@ -323,7 +323,7 @@ def frf_figure(
 def model_functions(tested: Tested, lines: FRF) -> dict[str, NDArray[np.complex128]]:
     """Return functions of the base and of the identified model, (n_output, n_frequency), as they are."""
     fits = {BASE: tested.fit, FOUND: None if tested.identified is None else tested.identified.fit}
-    values = {name: modelled(tested, own, lines) for name, own in fits.items() if isinstance(own, Fit)}
+    values = {name: modelled(tested, fit, lines) for name, fit in fits.items() if isinstance(fit, Fit)}
     return {name: value for name, value in values.items() if value is not None}
 
 

@@ -1,4 +1,4 @@
-"""The models of the answer beside each configuration: the base model, and that with what was identified."""
+"""The models that a configuration is shown with: the base model, and the identified model."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
-    """What is added to the base model.
+class Addition:
+    """The effects that are added to the base model.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Found:
     value : mapping of str to float
         Values of their parameters.
     source : Path
-        File of the results that says so.
+        File of the results that names them.
     """
 
     effects: tuple[str, ...]
@@ -52,11 +52,11 @@ class Found:
     source: Path
 
 
-def what_was_found(results: Results) -> Found | None:
-    """Return the effects that the results name, with their values; None where they name none that the model can have.
+def identified_effects(results: Results) -> Addition | None:
+    """Return the effects that the results name, with their values; None where the model can have none of them.
 
-    A diagnosis names them; without one, the last model of the ledger does. What is wrong with the measurement, or with
-    what a file states, changes no model.
+    A diagnosis names them; without one, the last model of the ledger does. Faults of the measurement, or of what a file
+    states, change no model.
     """
     if results.diagnosis is not None:
         if not results.diagnosis.set:
@@ -66,31 +66,33 @@ def what_was_found(results: Results) -> Found | None:
             results.diagnosis.ranked(results.diagnosis.set[0]).parameter,
         )
         effects = tuple(e for e in effects if e not in results.diagnosis.measurement)
-        return _found(effects, parameters, results.folder / "diagnosis.json")
+        return _addition(effects, parameters, results.folder / "diagnosis.json")
     if results.ledger:
         last = results.ledger[-1]
-        return _found(last.effects, last.shared, results.folder / "ledger.json")
+        return _addition(last.effects, last.shared, results.folder / "ledger.json")
     return None
 
 
-def _found(effects: tuple[str, ...], parameters: tuple[ParameterEstimate, ...], source: Path) -> Found | None:
+def _addition(
+    effects: tuple[str, ...], parameters: tuple[ParameterEstimate, ...], source: Path
+) -> Addition | None:
     known = catalogue()
     if (
         not effects or not set(effects) <= known.keys()
     ):  # an effect from a file is code, which a report does not run
         return None
-    own = {p.name for e in effects for p in known[e].parameters}
-    return Found(
-        effects=tuple(effects), value={p.name: p.value for p in parameters if p.name in own}, source=source
+    names = {p.name for e in effects for p in known[e].parameters}
+    return Addition(
+        effects=tuple(effects), value={p.name: p.value for p in parameters if p.name in names}, source=source
     )
 
 
 def with_models(results: Results, executor: Executor | None = None) -> Results:
-    """Add to each configuration the models of the answer: that of the base and that with what was identified.
+    """Add the base model and the identified model to each configuration.
 
-    A diagnosis has both with its numbers. Without one, but with effects in the ledger, G_f and d_f are fitted again
-    with these. Models are written beside the configuration, and read back as long as nothing that they come from
-    changes. Where one cannot be solved, a remark says why.
+    A diagnosis gives the numbers of both. Without one, but with effects in the ledger, G_f and d_f are fitted again
+    with these effects. Models are written beside the configuration, and read back until one of their inputs changes.
+    Where a model cannot be solved, a remark says why.
 
     Parameters
     ----------
@@ -101,12 +103,12 @@ def with_models(results: Results, executor: Executor | None = None) -> Results:
     """
     if results.diagnosis is not None and results.diagnosis.stack is None:
         return replace(results, tested=tuple(_with_made(results.diagnosis, t) for t in results.tested))
-    found = what_was_found(results)
-    if results.diagnosis is None and found is None:
+    addition = identified_effects(results)
+    if results.diagnosis is None and addition is None:
         return results
     done = [t for t in results.tested if results.diagnosis is not None or t.fit is not None]
-    attempt = partial(_attempted, results.diagnosis, found, results.folder)
-    made = {own.name: (own, remark) for own, remark in distribute(attempt, done, executor)}
+    attempt = partial(_attempted, results.diagnosis, addition, results.folder)
+    made = {t.name: (t, remark) for t, remark in distribute(attempt, done, executor)}
     tested = tuple(made[t.name][0] if t.name in made else t for t in results.tested)
     files = [t.folder / name for t in tested for name in (BASE_FILE, FILE) if t.name in made]
     origin = {
@@ -127,17 +129,17 @@ def _with_made(diagnosis: Diagnosis, tested: Tested) -> Tested:
     base, *others = diagnosis.models.get(tested.name, (tested.fit,))
     if not others:
         return replace(tested, fit=base)
-    nan, own = float("nan"), diagnosis.ranked(diagnosis.set[0])
-    value = {p.name: p.value for p in own.parameter}
-    found = IdentifiedModel(effects=own.effects, value=value, fit=others[0], base_frac=nan, frac=nan)
-    return replace(tested, fit=base, identified=found)
+    nan, answer = float("nan"), diagnosis.ranked(diagnosis.set[0])
+    value = {p.name: p.value for p in answer.parameter}
+    identified = IdentifiedModel(effects=answer.effects, value=value, fit=others[0], base_frac=nan, frac=nan)
+    return replace(tested, fit=base, identified=identified)
 
 
 def _attempted(
-    diagnosis: Diagnosis | None, found: Found | None, folder: Path, tested: Tested
+    diagnosis: Diagnosis | None, addition: Addition | None, folder: Path, tested: Tested
 ) -> tuple[Tested, str]:
-    """Return a configuration with its models, or as it is, and why."""
-    source = folder / "diagnosis.json" if found is None else found.source
+    """Return a configuration with its models and no remark, or as it is with a remark that says why."""
+    source = folder / "diagnosis.json" if addition is None else addition.source
     inputs = [source, tested.folder / "modal_model.json"]
     if tested.has_functions:
         inputs.append(tested.folder / "measurement.npz")
@@ -151,9 +153,9 @@ def _attempted(
             tested = replace(tested, fit=base)
         else:
             inputs.append(tested.folder / "fit.json")
-        if found is not None:
-            own = read(FILE, IdentifiedModel, partial(identified_model, diagnosis, found, tested))
-            tested = replace(tested, identified=own)
+        if addition is not None:
+            identified = read(FILE, IdentifiedModel, partial(identified_model, diagnosis, addition, tested))
+            tested = replace(tested, identified=identified)
     except LAMELLA_ERRORS as error:
         return tested, f"{tested.name}: the model of the answer cannot be shown: {error}."
     return tested, ""
@@ -164,46 +166,46 @@ def _modelled(
 ) -> Fit:
     """Return the model of a configuration with the numbers of an explanation, and its effects that change the stack."""
     assert diagnosis.stack is not None
-    own = diagnosis.ranked(explanation)
+    answer = diagnosis.ranked(explanation)
     known = find_effects(effects, catalogue())
-    stack = explained_stack(diagnosis.stack, own, known, state=tested.name, pressure=tested.pressure)
+    stack = explained_stack(diagnosis.stack, answer, known, state=tested.name, pressure=tested.pressure)
     plain = RigCheck(name=tested.name, sensor=0, reads=1.0, force=None)
-    rig = next((own for own in diagnosis.rig if own.name == tested.name), plain)
-    return explained_model(stack, tested.measured, own.modelled.get(tested.name, ()), rig)
+    rig = next((check for check in diagnosis.rig if check.name == tested.name), plain)
+    return explained_model(stack, tested.measured, answer.modelled.get(tested.name, ()), rig)
 
 
-def identified_model(diagnosis: Diagnosis | None, found: Found, tested: Tested) -> IdentifiedModel:
-    """Return the model of a configuration with what was identified, beside the base model that it has.
+def identified_model(diagnosis: Diagnosis | None, addition: Addition, tested: Tested) -> IdentifiedModel:
+    """Return the identified model of a configuration that has its base model.
 
-    It has the numbers of the diagnosis; without one, effects are at their values, and G_f and d_f are fitted again.
+    Its numbers are those of the diagnosis; without one, effects have their values, and G_f and d_f are fitted again.
 
     Raises
     ------
     EffectError, FitError, PairingError, SolveError
-        The stack cannot have the effects, or no mode pairs with them.
+        The stack cannot have the effects, or no measured mode pairs with a mode of the model.
     """
     base = tested.stack_fit
     assert base is not None
     if diagnosis is not None:
-        own = _modelled(diagnosis, tested, diagnosis.set[0], found.effects)
+        changed = _modelled(diagnosis, tested, diagnosis.set[0], addition.effects)
     else:
-        stack = base.stack.with_effects(*find_effects(found.effects, catalogue()), **found.value)
-        own = fit(stack, tested.measured, threshold=base.pairing.threshold)
+        stack = base.stack.with_effects(*find_effects(addition.effects, catalogue()), **addition.value)
+        changed = fit(stack, tested.measured, threshold=base.pairing.threshold)
     return IdentifiedModel(
-        effects=found.effects,
-        value=dict(found.value),
-        fit=own,
+        effects=addition.effects,
+        value=dict(addition.value),
+        fit=changed,
         base_frac=mean_frac(tested, base),
-        frac=mean_frac(tested, own),
+        frac=mean_frac(tested, changed),
     )
 
 
-def mean_frac(tested: Tested, own: Fit) -> float:
-    """Return the FRAC of measured and modelled functions in the band, in the mean; NaN where there is none."""
+def mean_frac(tested: Tested, model: Fit) -> float:
+    """Return the mean FRAC of measured and modelled functions in the band; NaN where there are no functions."""
     if not tested.has_functions:
         return float("nan")
     lines = within_band(tested.frf(), tested.measured)
-    value = modelled(tested, own, lines)
+    value = modelled(tested, model, lines)
     return float("nan") if value is None else float(np.mean(fracs(lines, value)))
 
 
@@ -212,7 +214,7 @@ def fracs(lines: FRF, value: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.array([float(frac(a, b)) for a, b in zip(lines.value[:, 0], value, strict=True)])
 
 
-def modelled(tested: Tested, own: Fit, lines: FRF) -> NDArray[np.complex128] | None:
+def modelled(tested: Tested, model: Fit, lines: FRF) -> NDArray[np.complex128] | None:
     """Return a model's functions at the first input, (n_output, n_frequency) in the quantity of the lines.
 
     None where the points do not say where the force acted.
@@ -220,7 +222,7 @@ def modelled(tested: Tested, own: Fit, lines: FRF) -> NDArray[np.complex128] | N
     first = slice(0, 1)
     try:
         value = fitted_frf(
-            own,
+            model,
             tested.measured.geometry,
             output=lines.output,
             input=Dofs(node=lines.input.node[first], direction=lines.input.direction[first]),

@@ -1,4 +1,4 @@
-"""What effects do to the error, their parameters, and what each would leave in the data."""
+"""How effects change the error, their parameters, and the error that each would leave in the data."""
 
 from __future__ import annotations
 
@@ -115,10 +115,10 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
 
 
 def ledger_chart(entries: Sequence[Entry]) -> str:
-    """Return the errors of each model as bars to be read off, of damping ratios below those of frequencies."""
+    """Return the errors of each model as bars, those of damping ratios below those of frequencies."""
     kinds = _kinds(entries)
     names = [_short_name(entry) for entry in entries]
-    each = max(70, _LINE * max(name.count("<br>") + 1 for name in names))
+    entry_height = max(70, _LINE * max(name.count("<br>") + 1 for name in names))
     traces, layout = [], {}
     for row, kind in enumerate(kinds, start=1):
         place = "" if row == 1 else str(row)
@@ -142,13 +142,13 @@ def ledger_chart(entries: Sequence[Entry]) -> str:
         layout[f"yaxis{place}"] = {
             "autorange": "reversed", "automargin": True, "domain": domain, "anchor": f"x{place}", "showgrid": False,
         }  # fmt: skip
-    height = 120 + len(kinds) * (each * len(entries) + 40)
+    height = 120 + len(kinds) * (entry_height * len(entries) + 40)
     return chart(traces, {**layout, "height": height, "legend": legend_above(), "margin": {"r": 8, "t": 34}})
 
 
 def _short_name(entry: Entry) -> str:
     """Return the effects of a line by their labels, in lines that leave a phone room for the bars."""
-    names = ("base model", *(f"+ {own.partition(' (')[0]}" for own in printed_effects(entry.effects)))
+    names = ("base model", *(f"+ {label.partition(' (')[0]}" for label in printed_effects(entry.effects)))
     return "<br>".join(line for name in names for line in textwrap.wrap(name, _WIDE))
 
 
@@ -161,8 +161,8 @@ def ledger_figure(entries: Sequence[Entry]) -> Figure:
         "\n+ ".join(textwrap.fill(part, 36) for part in ("base", *printed_effects(e.effects)))
         for e in entries
     ]
-    each = max(0.62, 0.1 + 0.16 * max(name.count("\n") + 1 for name in names))
-    figure = Figure(figsize=(8.5, 1.1 + each * len(entries)), layout="constrained")
+    entry_height = max(0.62, 0.1 + 0.16 * max(name.count("\n") + 1 for name in names))
+    figure = Figure(figsize=(8.5, 1.1 + entry_height * len(entries)), layout="constrained")
     panels: list[Axes] = list(figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0])
     y = np.arange(len(entries))
     for axes, kind in zip(panels, kinds, strict=True):
@@ -239,9 +239,9 @@ def interval_table(results: Results) -> Table:
         for e in _estimates(t)
     ]
     rows += [
-        _moved_row(t.name, own, at_bound=at_bound)
+        _moved_row(t.name, moved, at_bound=at_bound)
         for t in results.tested
-        for own, at_bound in _matrices_moved(t)
+        for moved, at_bound in _matrices_moved(t)
     ]
     rows += [
         _row(
@@ -274,15 +274,15 @@ def _row(
 
 
 def _matrices_moved(tested: Tested) -> list[tuple[Moved, bool]]:
-    """Return what a fit of matrices moved, and whether it ended at a bound; nothing of a fit of a stack."""
+    """Return what a fit of matrices moved, each with whether it ended at a bound; nothing for a fit of a stack."""
     fit = tested.matrices_fit
-    return [] if fit is None else [(own, own.name in fit.at_bound) for own in fit.moved]
+    return [] if fit is None else [(moved, moved.name in fit.at_bound) for moved in fit.moved]
 
 
-def _moved_row(fitted_to: str, own: Moved, *, at_bound: bool) -> tuple[str, ...]:
-    low, high = own.value - Z95 * own.std, own.value + Z95 * own.std
-    unit = "" if own.unit == "1" else own.unit
-    return fitted_to, own.label, unit, *ends(own.value, low, high), "at its bound" if at_bound else ""
+def _moved_row(fitted_to: str, moved: Moved, *, at_bound: bool) -> tuple[str, ...]:
+    low, high = moved.value - Z95 * moved.std, moved.value + Z95 * moved.std
+    unit = "" if moved.unit == "1" else moved.unit
+    return fitted_to, moved.label, unit, *ends(moved.value, low, high), "at its bound" if at_bound else ""
 
 
 def parameter_picture(fitted: Sequence[Tested]) -> Picture:
@@ -333,14 +333,14 @@ def parameter_figure(fitted: Sequence[Tested]) -> Figure:
     at, label = abscissa(fitted)
     figure = Figure(figsize=(7.5, 2.9), layout="constrained")
     for k, axes in enumerate(figure.subplots(1, 2)):
-        own = [_estimates(t)[k] for t in fitted]
-        name, factor = _AXES[own[0].name]
+        estimates = [_estimates(t)[k] for t in fitted]
+        name, factor = _AXES[estimates[0].name]
         axes.errorbar(
-            at, [factor * e.value for e in own], [Z95 * factor * e.std for e in own], fmt="o", color=palette.BASE,
-            markersize=5, capsize=4,
+            at, [factor * e.value for e in estimates], [Z95 * factor * e.std for e in estimates],
+            fmt="o", color=palette.BASE, markersize=5, capsize=4,
         )  # fmt: skip
         axes.set(xlabel=label, ylabel=name)
-        top = max(factor * (e.value + Z95 * e.std) for e in own)
+        top = max(factor * (e.value + Z95 * e.std) for e in estimates)
         axes.set_ylim(0.0, 1.15 * top if top > 0.0 else 1.0)
         axes.margins(x=0.15)
         axes.spines[["top", "right"]].set_visible(False)
@@ -437,7 +437,7 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
 
 
 def signature_chart(errors: Sequence[ModeError], signatures: Mapping[str, Sequence[float]]) -> str:
-    """Return what is lacking at each mode as bars, and what effects bring as marked lines, to be read off."""
+    """Return what the base model lacks at each mode as bars, and what effects change as marked lines."""
     at = [[e.configuration for e in errors], [f"{e.mode}: {e.frequency:.0f} Hz" for e in errors]]
     spread = [100.0 * Z95 * e.std / e.frequency for e in errors]
     traces: list[dict[str, Any]] = [
@@ -471,7 +471,7 @@ def signature_table(diagnosis: Diagnosis) -> Table:
     signatures = dict(list(_ordered(diagnosis).items())[:MOST])
     first = " + ".join(_printed(diagnosis, name) for effects in diagnosis.set[:1] for name in effects)
     left = f"left by {first} [%]" if first else ""
-    brought = [f"{_printed(diagnosis, name)} [%]" for name in signatures]
+    columns = [f"{_printed(diagnosis, name)} [%]" for name in signatures]
     rows = tuple(
         (
             e.configuration,
@@ -485,7 +485,7 @@ def signature_table(diagnosis: Diagnosis) -> Table:
     )
     table = Table(
         title="What each effect changes, mode by mode",
-        header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *brought),
+        header=("configuration", "mode", "measured [Hz]", "lacking [%]", left, *columns),
         rows=rows,
         note="± is half of the 95 % interval. Each effect is fitted alone, with contact and nuisances anew. Further "
         "effects are in the CSV of the figure.",
@@ -505,17 +505,17 @@ def _label(diagnosis: Diagnosis, name: str) -> str:
 
 def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:
     """Return the signatures of the candidates' effects first, then the others."""
-    own = [name for effects in diagnosis.set for name in effects if name in diagnosis.signatures]
-    return {name: diagnosis.signatures[name] for name in dict.fromkeys([*own, *diagnosis.signatures])}
+    first = [name for effects in diagnosis.set for name in effects if name in diagnosis.signatures]
+    return {name: diagnosis.signatures[name] for name in dict.fromkeys([*first, *diagnosis.signatures])}
 
 
 def _groups(errors: Sequence[ModeError]) -> list[list[int]]:
     """Return the numbers of the modes of each picture: whole configurations, no more than can be read."""
-    own: dict[str, list[int]] = {}
+    by_configuration: dict[str, list[int]] = {}
     for k, error in enumerate(errors):
-        own.setdefault(error.configuration, []).append(k)
+        by_configuration.setdefault(error.configuration, []).append(k)
     groups: list[list[int]] = []
-    for modes in own.values():
+    for modes in by_configuration.values():
         if not groups or len(groups[-1]) + len(modes) > _TOGETHER:
             groups.append([])
         groups[-1] += modes

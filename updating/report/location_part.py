@@ -48,31 +48,31 @@ def kind_of_answer(diagnosis: Diagnosis | None) -> str | None:
 
 def location_section(tested: Tested, fit: Fit, shown: str | None = None) -> Section:
     """Show where a fit fails, if there is an error to locate, in one kind of stiffness: by default the likeliest."""
-    found = error_map(tested, fit)
-    title, text = f"Where the base model of {tested.name} fails", location_text(found)
-    if _size(found) < _NOTHING:
+    errors = error_map(tested, fit)
+    title, text = f"Where the base model of {tested.name} fails", location_text(errors)
+    if _size(errors) < _NOTHING:
         return Section(title=title, text=(text,))
-    kind = most_likely_kind(found)
+    kind = most_likely_kind(errors)
     return Section(
         title=title,
         text=(text, _LIMITS),
-        blocks=(map_picture(tested, fit, found, shown or kind), kind_table(found)),
+        blocks=(map_picture(tested, fit, errors, shown or kind), kind_table(errors)),
     )
 
 
-def location_text(found: ErrorMap) -> str:
+def location_text(errors: ErrorMap) -> str:
     """Say how much of an error there is, which kind of stiffness is the likeliest, and where."""
-    size = _size(found)
+    size = _size(errors)
     if size < _NOTHING:
         return (
-            f"Nothing to locate: the shapes and frequencies of {found.frequency.size} modes ask for a change of "
+            f"Nothing to locate: the shapes and frequencies of {errors.frequency.size} modes ask for a change of "
             f"stiffness by {100 * size:.2g} % in the mean, less than the {100 * _NOTHING:g} % that no model meets."
         )
-    return _sentence(found, most_likely_kind(found), size)
+    return _sentence(errors, most_likely_kind(errors), size)
 
 
-def _size(found: ErrorMap) -> float:
-    return float(np.sqrt(found.total.mean()))
+def _size(errors: ErrorMap) -> float:
+    return float(np.sqrt(errors.total.mean()))
 
 
 def error_map(tested: Tested, fit: Fit) -> ErrorMap:
@@ -91,20 +91,20 @@ def error_map(tested: Tested, fit: Fit) -> ErrorMap:
     )
 
 
-def most_likely_kind(found: ErrorMap) -> str:
-    """Return the kind of stiffness that explains most of the error with a change that can be."""
-    possible = np.abs(found.change[:-1]) < 1.0
-    return ENERGY_KINDS[int(np.argmax(np.where(possible, found.explained[:-1], -1.0)))]
+def most_likely_kind(errors: ErrorMap) -> str:
+    """Return the kind of stiffness that explains most of the error by a change that is possible, below 100 %."""
+    possible = np.abs(errors.change[:-1]) < 1.0
+    return ENERGY_KINDS[int(np.argmax(np.where(possible, errors.explained[:-1], -1.0)))]
 
 
-def map_picture(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> Picture:
+def map_picture(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> Picture:
     """Draw the error of one kind of stiffness on the stack."""
-    edges = found.regions.x, found.regions.y, found.regions.z
+    edges = errors.regions.x, errors.regions.y, errors.regions.z
     centre = np.meshgrid(*((e[1:] + e[:-1]) / 2.0 for e in edges), indexing="ij")
-    columns = [*(c.ravel() for c in centre), *(value.ravel() for value in found.relative)]
+    columns = [*(c.ravel() for c in centre), *(value.ravel() for value in errors.relative)]
     return Picture(
         name=f"error_map_{tested.name}",
-        content=fewer_colours(error_map_picture(found, fit.stack, kind)),
+        content=fewer_colours(error_map_picture(errors, fit.stack, kind)),
         form="png",
         data=as_csv(
             ("x [m]", "y [m]", "z [m]", *(f"{k}: error over its mean" for k in ENERGY_KINDS[:-1])),
@@ -112,24 +112,24 @@ def map_picture(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> Picture
         ),
         alt="Error over the stack",
         caption=f"Where the base model of {tested.name} fails: error of the {kind} by region over its mean, for the "
-        f"energy with which the modes strain the region.{_peak(found, kind)} Rods: clamps.",
+        f"energy with which the modes strain the region.{_peak(errors, kind)} Rods: clamps.",
         width="half",
-        chart=map_chart(tested, fit, found, kind),
+        chart=map_chart(tested, fit, errors, kind),
     )
 
 
-def _peak(found: ErrorMap, kind: str) -> str:
-    """Say where the error of a kind is largest, or that it is of one size."""
-    if found.contrast[ENERGY_KINDS.index(kind)] < _LOCAL:
+def _peak(errors: ErrorMap, kind: str) -> str:
+    """Say where the error of a kind is largest, or that it is spread over the stack."""
+    if errors.contrast[ENERGY_KINDS.index(kind)] < _LOCAL:
         return " It is spread as the strain energy is; no one place stands out."
-    low, high = found.peak(kind)
+    low, high = errors.peak(kind)
     return f" Largest between x = {round(1e3 * low[0])} and {round(1e3 * high[0])} mm."
 
 
-def map_chart(tested: Tested, fit: Fit, found: ErrorMap, kind: str) -> str:
+def map_chart(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> str:
     """Return the error of one kind of stiffness on the stack, to be turned, with the clamps and the measured points."""
-    corner, triangle, box = _surface(found.regions.x, found.regions.y, found.regions.z)
-    value = found.relative[stiffness_index(kind)].ravel()
+    corner, triangle, box = _surface(errors.regions.x, errors.regions.y, errors.regions.z)
+    value = errors.relative[stiffness_index(kind)].ravel()
     geometry, stack = tested.measured.geometry, fit.stack
     seen = np.isin(geometry.node, tested.measured.node)
     mm = 1e3 * corner
@@ -180,20 +180,20 @@ def _surface(
     for a in range(3):
         b, c = (k for k in range(3) if k != a)
         for side in (0, -1):
-            own = np.take(box, side, axis=a)
-            for j, k in np.ndindex(own.shape):
+            face = np.take(box, side, axis=a)
+            for j, k in np.ndindex(face.shape):
                 quad = np.empty((4, 3))
                 quad[:, a] = edges[a][side]
                 quad[:, b] = edges[b][[j, j + 1, j + 1, j]]
                 quad[:, c] = edges[c][[k, k, k + 1, k + 1]]
                 corners.append(quad)
-                boxes.append(np.full(2, own[j, k]))
+                boxes.append(np.full(2, face[j, k]))
     first = 4 * np.arange(len(corners))[:, None]
-    triangle = np.stack([first + np.array(own) for own in ((0, 1, 2), (0, 2, 3))], axis=1).reshape(-1, 3)
+    triangle = np.stack([first + np.array(half) for half in ((0, 1, 2), (0, 2, 3))], axis=1).reshape(-1, 3)
     return np.concatenate(corners), triangle, np.concatenate(boxes)
 
 
-def kind_table(found: ErrorMap) -> Table:
+def kind_table(errors: ErrorMap) -> Table:
     """List what each kind of stiffness, and the mass, would explain."""
     return Table(
         title="What a common change of one kind would explain",
@@ -201,9 +201,9 @@ def kind_table(found: ErrorMap) -> Table:
         rows=tuple(
             (
                 kind,
-                f"{100 * found.explained[i]:.0f}",
-                f"{100 * found.change[i]:+.3g}" if abs(found.change[i]) <= 1.0 else "more than 100",
-                "" if kind == "mass" else f"{found.contrast[i]:.2f}",
+                f"{100 * errors.explained[i]:.0f}",
+                f"{100 * errors.change[i]:+.3g}" if abs(errors.change[i]) <= 1.0 else "more than 100",
+                "" if kind == "mass" else f"{errors.contrast[i]:.2f}",
             )
             for i, kind in enumerate(ENERGY_KINDS)
         ),
@@ -212,20 +212,20 @@ def kind_table(found: ErrorMap) -> Table:
     )
 
 
-def _sentence(found: ErrorMap, kind: str, size: float) -> str:
+def _sentence(errors: ErrorMap, kind: str, size: float) -> str:
     i = ENERGY_KINDS.index(kind)
-    low, high = found.peak(kind)
+    low, high = errors.peak(kind)
     text = (
-        f"The shapes and frequencies of {found.frequency.size} modes ask for a change of stiffness by about "
+        f"The shapes and frequencies of {errors.frequency.size} modes ask for a change of stiffness by about "
         f"{100 * size:.2g} %. "
         + (
             "A change of one kind of stiffness throughout does not explain that; the best that can be, "
-            if found.explained[i] < _EXPLAINED
+            if errors.explained[i] < _EXPLAINED
             else "Best explained is that by a common change: "
         )
-        + f"the {kind} by {100 * found.change[i]:+.2g} %, explains {100 * found.explained[i]:.0f} % of it."
+        + f"the {kind} by {100 * errors.change[i]:+.2g} %, explains {100 * errors.explained[i]:.0f} % of it."
     )
-    if found.contrast[i] < _LOCAL:
+    if errors.contrast[i] < _LOCAL:
         return f"{text} Its error is spread over the stack as the strain energy is; no one place stands out."
     places = (
         f"{a} = {round(1e3 * lo)} and {round(1e3 * hi)} mm"

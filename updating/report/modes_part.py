@@ -77,7 +77,7 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
 
 
 def by_model(tested: Tested, make: Callable[[ModelFit], tuple[ByModel, ...]]) -> tuple[ByModel, ...]:
-    """Make the blocks of the fitted model and, where something was found, those of the model with that too."""
+    """Make the blocks of the base model and, where something was identified, those of the identified model."""
     if tested.fit is None:
         return ()
     if tested.identified is None:
@@ -88,19 +88,19 @@ def by_model(tested: Tested, make: Callable[[ModelFit], tuple[ByModel, ...]]) ->
 
 
 def pair_tables(tested: Tested, fit: ModelFit, added: Mapping[int, float]) -> tuple[Table, ...]:
-    """List paired modes of the base model and, where something was found, of the model with that."""
+    """List paired modes of the base model and, where something was identified, of the identified model."""
     base = pair_table(tested, fit, added)
     if tested.identified is None:
         return (base,)
-    found = found_pair_table(tested, fit, tested.identified.fit)
-    return *of_model([found], "found"), *of_model([base], "base")
+    table = identified_pair_table(tested, fit, tested.identified.fit)
+    return *of_model([table], "found"), *of_model([base], "base")
 
 
-def found_pair_table(tested: Tested, base: ModelFit, own: ModelFit) -> Table:
-    """List paired modes of the model with what was identified, beside the errors of the base model."""
+def identified_pair_table(tested: Tested, base: ModelFit, identified: ModelFit) -> Table:
+    """List paired modes of the identified model beside the errors of the base model."""
     c = correlate(tested.measured, base.modes, base.pairing)
     before = dict(zip((int(m) + 1 for m in base.pairing.measured), c.frequency_error, strict=True))
-    table = pair_table(tested, own, before)
+    table = pair_table(tested, identified, before)
     header = tuple("error of the base model [%]" if h == _ADDED else h for h in table.header)
     note = table.note.partition(_WITH_ADDED)[0]
     return replace(
@@ -130,14 +130,14 @@ def identified_table(tested: Tested) -> Table:
 
 def complexity_table(tested: Tested) -> Table:
     """List how complex the shapes are, and which of them cannot be compared as real."""
-    found = complexity(tested.measured)
+    measures = complexity(tested.measured)
     columns = zip(
         tested.measured.frequency,
-        found.mpc,
-        found.mpd,
-        found.mcf,
-        found.phase_scatter,
-        found.is_complex,
+        measures.mpc,
+        measures.mpd,
+        measures.mcf,
+        measures.phase_scatter,
+        measures.is_complex,
         strict=True,
     )
     return Table(
@@ -153,7 +153,7 @@ def complexity_table(tested: Tested) -> Table:
         note="A real shape has MPC 1 and MCF 0: all components in phase or against it. MPD and phase scatter are the "
         "mean and the root mean square of how far phases are off their line. Modes with an MPC below "
         f"{LEAST_MPC:g} are too complex (Pappa, Elliott and Schenk, NASA TM-107607, 1992).",
-        folded=not np.any(found.is_complex),  # a page on a phone is long enough
+        folded=not np.any(measures.is_complex),  # a page on a phone is long enough
     ).without_empty_columns()  # fmt: skip
 
 
@@ -221,12 +221,13 @@ def parameter_table(fit: Fit) -> Table:
 
 def quality_table(tested: Tested) -> Table:
     """List what the checks and the reading found, each with the function it is about, or say that all is in order."""
-    own = tested.quality
-    found = sorted((v for v in own.verdicts if v.level != "pass"), key=lambda v: v.level)  # failures first
+    quality = tested.quality
+    not_passed = (v for v in quality.verdicts if v.level != "pass")
+    verdicts = sorted(not_passed, key=lambda v: v.level)  # failures first
     nodes = tested.measured.node.tolist()
-    points = [*(_function(v.point, nodes) for v in found), *("" for _ in own.notes)]
-    checks = [*(label(v.check) for v in found), *("" for _ in own.notes)]
-    rows = list(zip(points, checks, (*(v.finding for v in found), *own.notes), strict=True))
+    points = [*(_function(v.point, nodes) for v in verdicts), *("" for _ in quality.notes)]
+    checks = [*(label(v.check) for v in verdicts), *("" for _ in quality.notes)]
+    rows = list(zip(points, checks, (*(v.finding for v in verdicts), *quality.notes), strict=True))
     table = Table(
         title="Quality of the measurement",
         header=("point", "check", "finding"),
@@ -235,7 +236,7 @@ def quality_table(tested: Tested) -> Table:
         "and is in order stands below.",
         link=tuple(f"#{anchor(frf_title(tested))}" if point else "" for point, *_ in rows),
         chooses=True,
-        hint=(*(meaning(v.check) for v in found), *(NOTES for _ in own.notes)) if rows else (),
+        hint=(*(meaning(v.check) for v in verdicts), *(NOTES for _ in quality.notes)) if rows else (),
     )
     return table.without_empty_columns()
 
@@ -253,7 +254,7 @@ def passed_table(tested: Tested) -> Table:
 
 def _function(point: Sequence[int], measured: Sequence[int]) -> str:
     """Return the first of some points that has a function in the report."""
-    return next((str(own) for own in point if own in measured), "")
+    return next((str(node) for node in point if node in measured), "")
 
 
 def mac_section(tested: Tested) -> Section:
@@ -262,9 +263,9 @@ def mac_section(tested: Tested) -> Section:
     if fit is None:
         return Section(title=f"MAC of {tested.name}", blocks=(auto_mac_picture(tested),))
 
-    def pictures(own: ModelFit) -> tuple[Picture, ...]:
-        comac = (comac_picture(tested, own),) if own.pairing.measured.size else ()
-        return mac_picture(tested, own), *comac
+    def pictures(model: ModelFit) -> tuple[Picture, ...]:
+        comac = (comac_picture(tested, model),) if model.pairing.measured.size else ()
+        return mac_picture(tested, model), *comac
 
     tried = () if tested.opt is None else (objective_picture(tested.opt),)
     return Section(title=f"MAC and CoMAC of {tested.name}", blocks=(*by_model(tested, pictures), *tried))
@@ -297,7 +298,10 @@ def mac_chart(
     down: str,
 ) -> str:
     """Return a MAC matrix as a chart; `across` and `down` say whose frequencies its columns and rows are."""
-    x, y = ([f"{k}: {frequency_text(f, 1)}" for k, f in enumerate(own, start=1)] for own in (columns, rows))
+    x, y = (
+        [f"{k}: {frequency_text(f, 1)}" for k, f in enumerate(frequencies, start=1)]
+        for frequencies in (columns, rows)
+    )
     trace = {
         "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": palette.LIKENESS,
         "xgap": 1, "ygap": 1, "texttemplate": "%{z:.2f}", "colorbar": {"title": {"text": "MAC"}, "thickness": 12},

@@ -64,7 +64,8 @@ def result_table(results: Results) -> Table:
         )
         files.setdefault(row, []).append(file)
     rows = tuple(
-        (own[0] if len(own) == 1 else f"{own[0]} and {len(own) - 1} more", *row) for row, own in files.items()
+        (names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more", *row)
+        for row, names in files.items()
     )
     return Table(
         title="",
@@ -336,32 +337,36 @@ def page_of(tested: Tested) -> str:
     return f"{folder_name(tested.name)}/report.html"
 
 
-def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Section, ...]:
-    """Make all sections of a report, in its order; each is made by a function of its own.
+def sections(results: Results, configurations: Sequence[Section] | None = None) -> tuple[Section, ...]:
+    """Make all sections of a report in its order, each by its function.
 
     Parameters
     ----------
     results : Results
         What to show.
-    own : sequence of Section, optional
-        Those of the configurations, where they are made already; none where each has a page of its own, to which the
-        list of them then leads.
+    configurations : sequence of Section, optional
+        Sections of the configurations, where they are made already; none where each configuration has its own page,
+        to which the list of configurations then links.
     """
     if results.pooled is not None:
         return (pooled_section(results.pooled), provenance_section(results))
-    if own is None:
+    if configurations is None:
         kind, added = kind_of_answer(results.diagnosis), errors_with_additions(results)
-        own = [configuration_section(each, kind, added.get(each.name, {})) for each in results.tested]
-    parts = [opening_section(results, own), answer_section(results)]
+        configurations = [
+            configuration_section(tested, kind, added.get(tested.name, {})) for tested in results.tested
+        ]
+    parts = [opening_section(results, configurations), answer_section(results)]
     if results.ledger:
         parts.append(ledger_section(results))
     if results.table:
         parts.append(table_overview(results))
         parts += [row_section(fit, results.shape_class) for fit in results.table]
     if len(results.tested) > 1:
-        address = [f"#{part.anchor}" for part in own] or [page_of(tested) for tested in results.tested]
+        address = [f"#{part.anchor}" for part in configurations] or [
+            page_of(tested) for tested in results.tested
+        ]
         parts.append(overview_section(results, address))
-    parts += own
+    parts += configurations
     if results.diagnosis is not None:
         parts.append(signature_section(results.diagnosis))
     if results.ledger or any(tested.has_parameters for tested in results.tested):
@@ -371,7 +376,7 @@ def sections(results: Results, own: Sequence[Section] | None = None) -> tuple[Se
 
 def titles(results: Results) -> tuple[str, ...]:
     """Return the titles of the sections that `sections` makes of a campaign's results, without making them."""
-    found = (
+    planned = (
         ("Answer", True),
         ("In full", True),
         ("Error before and after each effect", bool(results.ledger)),
@@ -381,7 +386,7 @@ def titles(results: Results) -> tuple[str, ...]:
         ("Parameters", bool(results.ledger) or any(tested.has_parameters for tested in results.tested)),
         ("Provenance", True),
     )
-    return tuple(title for title, there in found if there)
+    return tuple(title for title, there in planned if there)
 
 
 def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:

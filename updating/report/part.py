@@ -227,21 +227,21 @@ class Section:
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """All figures, those of the sections within too."""
-        own = [p for b in self.blocks for p in (b.still if isinstance(b, Gallery) else (b,))]
-        mine = tuple(p for p in own if isinstance(p, Picture))
-        return mine + tuple(p for part in self.parts for p in part.pictures)
+        drawn = [p for b in self.blocks for p in (b.still if isinstance(b, Gallery) else (b,))]
+        direct = tuple(p for p in drawn if isinstance(p, Picture))
+        return direct + tuple(p for part in self.parts for p in part.pictures)
 
     @property
     def has_charts(self) -> bool:
         """Whether anything in it, or in the sections within, is drawn by the page's renderer."""
-        own = any(isinstance(b, Gallery) or (isinstance(b, Picture) and b.chart) for b in self.blocks)
-        return own or any(part.has_charts for part in self.parts)
+        here = any(isinstance(b, Gallery) or (isinstance(b, Picture) and b.chart) for b in self.blocks)
+        return here or any(part.has_charts for part in self.parts)
 
     @property
     def has_models(self) -> bool:
         """Whether anything in it, or in the sections within, is there for two models."""
-        own = any(b.model for b in self.blocks)
-        return own or any(part.has_models for part in self.parts)
+        here = any(b.model for b in self.blocks)
+        return here or any(part.has_models for part in self.parts)
 
 
 def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list[ByModel]:
@@ -250,7 +250,7 @@ def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list
     out: list[ByModel] = []
     for block in blocks:
         if isinstance(block, Gallery):
-            still = tuple(replace(own, name=f"{own.name}{suffix}") for own in block.still)
+            still = tuple(replace(picture, name=f"{picture.name}{suffix}") for picture in block.still)
             out.append(replace(block, model=model, still=still))
         elif isinstance(block, Picture):
             out.append(replace(block, model=model, name=f"{block.name}{suffix}"))

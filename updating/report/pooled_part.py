@@ -31,12 +31,12 @@ _RATIOS = ("d_f",)  # known to a factor
 _LABEL = {"G_f": "contact stiffness G_f [1]", "d_f": "contact damping d_f [s/Pa]"}
 
 
-def pooled_section(found: PooledDiagnosis) -> Section:
-    """Say what specimens tell together, show all of them at a glance, and each by itself."""
+def pooled_section(diagnosis: PooledDiagnosis) -> Section:
+    """Say what all specimens show together, list them, and show each of them."""
     return Section(
         title="Answer",
-        text=found.sentences,
-        parts=(_overview(found), *(_own_section(own) for own in found.specimens)),
+        text=diagnosis.sentences,
+        parts=(_overview(diagnosis), *(_specimen_section(specimen) for specimen in diagnosis.specimens)),
     )
 
 
@@ -46,45 +46,47 @@ def grouping(specimens: Sequence[SpecimenAnswer]) -> str:
     Empty where there is none.
     """
     columns = _columns(specimens)
-    values = {name: [own.notes.get(name, "") for own in specimens] for name in columns}
+    values = {name: [specimen.notes.get(name, "") for specimen in specimens] for name in columns}
     shared = [name for name in columns if 1 < len(set(values[name])) < len(specimens)]
     return _USUAL if _USUAL in columns else next(iter(shared), "")
 
 
 def _columns(specimens: Sequence[SpecimenAnswer]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for own in specimens for name in own.notes))
+    return tuple(dict.fromkeys(name for specimen in specimens for name in specimen.notes))
 
 
-def _overview(found: PooledDiagnosis) -> Section:
+def _overview(diagnosis: PooledDiagnosis) -> Section:
     """List all specimens with their notes, errors and contact; a click on a heading sorts, so notes group."""
-    columns, group = _columns(found.specimens), grouping(found.specimens)
+    columns, group = _columns(diagnosis.specimens), grouping(diagnosis.specimens)
     table = Table(
         title="All specimens",
         header=(SPECIMEN_HEADER[0], *columns, *SPECIMEN_HEADER[1:]),
         rows=tuple(
-            (own.name, *(own.notes.get(name, "") for name in columns), *specimen_row(own)[1:])
-            for own in found.specimens
+            (specimen.name, *(specimen.notes.get(name, "") for name in columns), *specimen_row(specimen)[1:])
+            for specimen in diagnosis.specimens
         ),
         note="Frequency errors are means over the modes of a specimen: of the base model, with what was identified, "
         "and where what specimens share is taken from the others. Odd: effects that a specimen has alone. A click on a "
         "heading sorts.",
-        link=tuple(f"#{_own_section(own).anchor}" for own in found.specimens),
+        link=tuple(f"#{_specimen_section(specimen).anchor}" for specimen in diagnosis.specimens),
     ).without_empty_columns()
     return Section(
         title="All specimens at a glance",
         blocks=(
-            error_picture(found.specimens, group),
+            error_picture(diagnosis.specimens, group),
             table,
-            *(contact_picture(found.specimens, name, group) for name in ("G_f", "d_f")),
+            *(contact_picture(diagnosis.specimens, name, group) for name in ("G_f", "d_f")),
         ),
     )
 
 
-def _own_section(own: SpecimenAnswer) -> Section:
-    """Show one specimen: its notes, what it alone has, and its contact at each torque."""
-    notes = "; ".join(f"{name}: {value}" for name, value in own.notes.items() if value)
-    odd = f"It alone has {', '.join(own.odd)}." if own.odd else "It has nothing that the others lack."
-    contact = "; ".join(interval_text(value) for value in (own.G_f, own.d_f) if value)
+def _specimen_section(specimen: SpecimenAnswer) -> Section:
+    """Show one specimen: its notes, the effects that it alone has, and its contact at each torque."""
+    notes = "; ".join(f"{name}: {value}" for name, value in specimen.notes.items() if value)
+    odd = (
+        f"It alone has {', '.join(specimen.odd)}." if specimen.odd else "It has nothing that the others lack."
+    )
+    contact = "; ".join(interval_text(value) for value in (specimen.G_f, specimen.d_f) if value)
     table = Table(
         title="Contact at each torque",
         header=("configuration", "pressure [kPa]", "G_f (95 %)", "d_f (95 %) [s/Pa]"),
@@ -94,17 +96,17 @@ def _own_section(own: SpecimenAnswer) -> Section:
                 f"{1e-3 * state.pressure:g}",
                 *contact_cells(state),
             )
-            for state in own.states
+            for state in specimen.states
         ),
         note="From the frequencies and damping ratios of one torque alone, all else as it was found."
-        + (_NO_DAMPING if any(state.d_f is None for state in own.states) else ""),
+        + (_NO_DAMPING if any(state.d_f is None for state in specimen.states) else ""),
     )
     text = (*((f"{notes}.",) if notes else ()), odd, *((f"{contact}.",) if contact else ()))
-    return Section(title=f"Specimen {own.name}", text=text, blocks=(_mode_table(own), table))
+    return Section(title=f"Specimen {specimen.name}", text=text, blocks=(_mode_table(specimen), table))
 
 
-def _mode_table(own: SpecimenAnswer) -> Table:
-    """List the measured modes of a specimen beside those of the base model and of what was found."""
+def _mode_table(specimen: SpecimenAnswer) -> Table:
+    """List the measured modes of a specimen beside those of the base model and of the identified model."""
     return Table(
         title="Modes",
         header=(
@@ -130,10 +132,10 @@ def _mode_table(own: SpecimenAnswer) -> Table:
                 _percent(mode.base_damping),
                 _percent(mode.model_damping),
             )
-            for mode in own.modes
+            for mode in specimen.modes
         ),
         note="Each mode beside the model's that looks like it; an error is that of the model over what was measured."
-        + (_NO_DAMPING if any(np.isnan(mode.damping) for mode in own.modes) else ""),
+        + (_NO_DAMPING if any(np.isnan(mode.damping) for mode in specimen.modes) else ""),
     )
 
 
@@ -148,7 +150,7 @@ def _percent(damping: float) -> str:
 
 def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
     """Draw the error of each specimen before and after; those that are odd are marked."""
-    odd = [own.name for own in specimens if own.odd]
+    odd = [specimen.name for specimen in specimens if specimen.odd]
     return Picture(
         name="specimen_errors",
         content=svg(_figure(lambda axes: _draw_errors(axes, specimens))),
@@ -157,14 +159,14 @@ def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
             ("specimen", group, "error before [1]", "error after [1]", "left out [1]", "odd"),
             (
                 (
-                    own.name,
-                    own.notes.get(group, ""),
-                    own.base_error,
-                    own.error,
-                    own.left_out_error,
-                    " ".join(own.odd),
+                    specimen.name,
+                    specimen.notes.get(group, ""),
+                    specimen.base_error,
+                    specimen.error,
+                    specimen.left_out_error,
+                    " ".join(specimen.odd),
                 )
-                for own in specimens
+                for specimen in specimens
             ),
         ),
         alt=f"Frequency errors of {len(specimens)} specimens before and after; odd: {', '.join(odd) or 'none'}",
@@ -177,13 +179,13 @@ def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
 def _error_series(
     specimens: Sequence[SpecimenAnswer],
 ) -> list[tuple[str, str, str, list[SpecimenAnswer], str]]:
-    """Return marker, colour and name of what is drawn for a specimen, those that have it, and of which error."""
-    found = [
+    """Return the series of the picture: marker, colour, name, the specimens in it and the error that it shows."""
+    series = [
         ("circle", palette.BASE, "base model", list(specimens), "base_error"),
         ("circle", palette.FOUND, "with what was identified", list(specimens), "error"),
     ]
-    odd = [own for own in specimens if own.odd]
-    return [*found, *([("diamond", palette.ACCENT, "odd", odd, "error")] if odd else [])]
+    odd = [specimen for specimen in specimens if specimen.odd]
+    return [*series, *([("diamond", palette.ACCENT, "odd", odd, "error")] if odd else [])]
 
 
 def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
@@ -192,13 +194,13 @@ def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
             "type": "scatter",
             "mode": "markers",
             "name": name,
-            "x": [own.name for own in each],
-            "y": [100.0 * getattr(own, key) for own in each],
-            "text": [", ".join(own.odd) for own in each],
+            "x": [specimen.name for specimen in drawn],
+            "y": [100.0 * getattr(specimen, key) for specimen in drawn],
+            "text": [", ".join(specimen.odd) for specimen in drawn],
             "marker": {"color": color, "symbol": symbol, "size": 9},
             "hovertemplate": "%{x}: %{y:.3g} % %{text}<extra>" + name + "</extra>",
         }
-        for symbol, color, name, each, key in _error_series(specimens)
+        for symbol, color, name, drawn, key in _error_series(specimens)
     ]
     return chart(
         traces,
@@ -213,15 +215,18 @@ def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
 
 
 def _draw_errors(axes: Axes, specimens: Sequence[SpecimenAnswer]) -> None:
-    at = {own.name: k for k, own in enumerate(specimens)}
-    for own in specimens:
+    at = {specimen.name: k for k, specimen in enumerate(specimens)}
+    for specimen in specimens:
         axes.plot(
-            [at[own.name]] * 2, [100.0 * own.base_error, 100.0 * own.error], color=palette.QUIET, zorder=1
+            [at[specimen.name]] * 2,
+            [100.0 * specimen.base_error, 100.0 * specimen.error],
+            color=palette.QUIET,
+            zorder=1,
         )
-    for symbol, color, name, each, key in _error_series(specimens):
+    for symbol, color, name, drawn, key in _error_series(specimens):
         axes.scatter(
-            [at[own.name] for own in each],
-            [100.0 * getattr(own, key) for own in each],
+            [at[specimen.name] for specimen in drawn],
+            [100.0 * getattr(specimen, key) for specimen in drawn],
             color=color,
             marker={"circle": "o", "diamond": "D"}[symbol],
             label=name,
@@ -242,8 +247,8 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
             ("specimen", group, "configuration", "pressure [kPa]", f"{_LABEL[name]}", "lower", "upper"),
             (
                 (
-                    own.name,
-                    own.notes.get(group, ""),
+                    specimen.name,
+                    specimen.notes.get(group, ""),
                     state.name,
                     1e-3 * state.pressure,
                     *(
@@ -251,8 +256,8 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
                         for end in ("value", "lower", "upper")
                     ),
                 )
-                for own in specimens
-                for state in own.states
+                for specimen in specimens
+                for state in specimen.states
                 if getattr(state, name)
             ),
         ),
@@ -268,21 +273,21 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
 def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> str:
     """Return a contact parameter over pressure as lines to be zoomed, one a specimen, coloured by a column of notes."""
     colour, shown, traces = _colours(specimens, group), set[str](), []
-    for own in specimens:
-        x, y, down, up = _line(own, name)
-        value = own.notes.get(group, "")
+    for specimen in specimens:
+        x, y, down, up = _line(specimen, name)
+        value = specimen.notes.get(group, "")
         traces.append(
             {
                 "type": "scatter",
                 "mode": "lines+markers",
-                "name": own.name,
+                "name": specimen.name,
                 "legendgroup": value,
                 "legendgrouptitle": {"text": value or "not stated"} if group and value not in shown else {},
                 "x": x,
                 "y": y,
                 "error_y": {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "width": 0},
-                "line": {"color": colour[own.name]},
-                "hovertemplate": "%{x:g} kPa: %{y:.4g}<extra>" + f"{own.name} {value}" + "</extra>",
+                "line": {"color": colour[specimen.name]},
+                "hovertemplate": "%{x:g} kPa: %{y:.4g}<extra>" + f"{specimen.name} {value}" + "</extra>",
             }
         )
         shown.add(value)
@@ -299,11 +304,11 @@ def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str
 
 def _draw_contact(axes: Axes, specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> None:
     colour, shown = _colours(specimens, group), set[str]()
-    for own in specimens:
-        x, y, down, up = _line(own, name)
-        value = own.notes.get(group, "") or "not stated"
+    for specimen in specimens:
+        x, y, down, up = _line(specimen, name)
+        value = specimen.notes.get(group, "") or "not stated"
         label = "" if not group or value in shown else value
-        axes.errorbar(x, y, (down, up), color=colour[own.name], marker="o", markersize=3, label=label)
+        axes.errorbar(x, y, (down, up), color=colour[specimen.name], marker="o", markersize=3, label=label)
         shown.add(value)
     axes.set_xlabel("pressure [kPa]")
     axes.set_ylabel(_LABEL[name])
@@ -313,9 +318,11 @@ def _draw_contact(axes: Axes, specimens: Sequence[SpecimenAnswer], name: Contact
         axes.set_ylim(bottom=0.0)
 
 
-def _line(own: SpecimenAnswer, name: Contact) -> tuple[list[float], list[float], list[float], list[float]]:
+def _line(
+    specimen: SpecimenAnswer, name: Contact
+) -> tuple[list[float], list[float], list[float], list[float]]:
     """Return pressures in kPa, the parameter there, and how far its interval goes down and up."""
-    states = sorted(own.states, key=lambda state: state.pressure)
+    states = sorted(specimen.states, key=lambda state: state.pressure)
     states = [state for state in states if getattr(state, name)]
     values = [getattr(state, name) for state in states]
     return (
@@ -328,10 +335,10 @@ def _line(own: SpecimenAnswer, name: Contact) -> tuple[list[float], list[float],
 
 def _colours(specimens: Sequence[SpecimenAnswer], group: str) -> dict[str, str]:
     """Return the colour of each specimen by name: one for each value of a column of the notes."""
-    values = list(dict.fromkeys(own.notes.get(group, "") for own in specimens))
+    values = list(dict.fromkeys(specimen.notes.get(group, "") for specimen in specimens))
     return {
-        own.name: palette.SERIES[values.index(own.notes.get(group, "")) % len(palette.SERIES)]
-        for own in specimens
+        specimen.name: palette.SERIES[values.index(specimen.notes.get(group, "")) % len(palette.SERIES)]
+        for specimen in specimens
     }
 
 

@@ -225,20 +225,20 @@ def read_results(folder: Path, *, keep: bool = False) -> Results:
         if (folder / name).exists():
             return _read_pooled(folder, name, reader)
     if (folder / "modal_table.json").exists():
-        found = _read_table(folder, reader)
+        results = _read_table(folder, reader)
     elif (folder / "campaign.json").exists():
-        found = _read_campaign(folder, reader)
+        results = _read_campaign(folder, reader)
     else:
         message = (
             f"{folder}: no campaign.json to report on; make results with: lamella fit CAMPAIGN -o {folder}"
         )
         raise StoreError(message)
-    if not found.tested and not found.table:
+    if not results.tested and not results.table:
         message = (
             f"{folder}: none of its configurations is done; go on with: lamella fit CAMPAIGN -o {folder}"
         )
         raise StoreError(message)
-    return found
+    return results
 
 
 class _Reader:
@@ -271,11 +271,11 @@ class _Reader:
         return self._read(path, kind, fault)
 
     def _read(self, path: Path, kind: type[T], fault: str) -> T:
-        found = read_result(path, kind, edited=True)
+        result = read_result(path, kind, edited=True)
         if fault:
             self._remark(path, f"{fault}, and is used all the same (--keep)")
         self.origin[path.relative_to(self._folder).as_posix()] = read_document(path)["provenance"]
-        return found
+        return result
 
     def _remark(self, path: Path, text: str) -> None:
         self.remarks.append(f"{path.relative_to(self._folder).as_posix()} {text}.")
@@ -301,22 +301,22 @@ class _Reader:
         if name not in self._digests:
             self._digests[name] = {file: file_digest(file) for file in self._folder.rglob(name)}
         there = self._digests[name]
-        own = said if said in there else path.parent / name
-        return (there[own],) if own in there else there.values()
+        named = said if said in there else path.parent / name
+        return (there[named],) if named in there else there.values()
 
 
 def _read_campaign(folder: Path, reader: _Reader) -> Results:
     campaign = reader.needed(folder / "campaign.json", Campaign)
-    own = {c.name: folder / folder_name(c.name) for c in campaign.configurations}
-    done = [c for c in campaign.configurations if (own[c.name] / "modal_model.json").exists()]
+    folders = {c.name: folder / folder_name(c.name) for c in campaign.configurations}
+    done = [c for c in campaign.configurations if (folders[c.name] / "modal_model.json").exists()]
     del reader.origin["campaign.json"]
-    tested = _with_references([_read_tested(own[c.name], c, reader) for c in done])
+    tested = _with_references([_read_tested(folders[c.name], c, reader) for c in done])
     return Results(
         name=campaign.name,
         tested=tested,
         table=(),
         shape_class=(),
-        missing=tuple(name for name in own if name not in {c.name for c in done}),
+        missing=tuple(name for name in folders if name not in {c.name for c in done}),
         **_read_common(folder, reader),
         campaign=_campaign_file(folder),
         about=tuple(
@@ -358,12 +358,12 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
     )
 
 
-def _with_references(every: Sequence[Tested]) -> tuple[Tested, ...]:
-    """Return configurations with those that they are compared with."""
-    named = {own.name: own for own in every}
+def _with_references(configurations: Sequence[Tested]) -> tuple[Tested, ...]:
+    """Return configurations, each with the reference that it is compared with."""
+    named = {tested.name: tested for tested in configurations}
     return tuple(
-        own if own.change is None else replace(own, reference=named.get(own.change.reference[0]))
-        for own in every
+        tested if tested.change is None else replace(tested, reference=named.get(tested.change.reference[0]))
+        for tested in configurations
     )
 
 
@@ -379,15 +379,15 @@ def _kind_of_fit(path: Path) -> type[ModelFit]:
 
 def _read_table(folder: Path, reader: _Reader) -> Results:
     table = reader.needed(folder / "modal_table.json", ModalTable)
-    own = {row.name: folder / f"stack_{folder_name(row.name)}" for row in table.rows}
-    done = {name: path for name, path in own.items() if (path / "fit.json").exists()}
+    folders = {row.name: folder / f"stack_{folder_name(row.name)}" for row in table.rows}
+    done = {name: path for name, path in folders.items() if (path / "fit.json").exists()}
     del reader.origin["modal_table.json"]
     return Results(
         name=table.name,
         tested=(),
         table=tuple(reader.needed(path / "fit.json", TableFit) for path in done.values()),
         shape_class=table.shape_class,
-        missing=tuple(name for name in own if name not in done),
+        missing=tuple(name for name in folders if name not in done),
         **_read_common(folder, reader),
         campaign=None,
         pooled=None,
@@ -396,10 +396,10 @@ def _read_table(folder: Path, reader: _Reader) -> Results:
 
 def _read_common(folder: Path, reader: _Reader) -> dict[str, Any]:
     """Read what a campaign of either kind may have."""
-    own = reader.optional(folder / "ledger.json", Ledger)
+    ledger = reader.optional(folder / "ledger.json", Ledger)
     return {
         "folder": folder,
-        "ledger": () if own is None else own.entry,
+        "ledger": () if ledger is None else ledger.entry,
         "diagnosis": reader.optional(folder / "diagnosis.json", Diagnosis),
         "updated": reader.optional(folder / "update.json", Updated),
         "origin": reader.origin,

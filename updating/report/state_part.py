@@ -38,20 +38,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def state_section(found: Change) -> Section:
+def state_section(change: Change) -> Section:
     """Show what differs between a configuration and its reference."""
-    pictures = (shift_picture(found), mac_picture(found), comac_picture(found)) if found.mode.size else ()
+    pictures = (shift_picture(change), mac_picture(change), comac_picture(change)) if change.mode.size else ()
     return Section(
-        title=f"{found.name} against {', '.join(found.reference)}",
-        text=(f"{change_sentence(found)}.",),
-        blocks=(change_table(found), *pictures),
+        title=f"{change.name} against {', '.join(change.reference)}",
+        text=(f"{change_sentence(change)}.",),
+        blocks=(change_table(change), *pictures),
     )
 
 
-def change_table(found: Change) -> Table:
+def change_table(change: Change) -> Table:
     """List the modes of both states side by side."""
-    f_half, d_half = half_intervals(found)
-    angle = np.where(np.isnan(found.angle), "", [f"{a:.1f}" for a in np.rad2deg(found.angle)])
+    f_half, d_half = half_intervals(change)
+    angle = np.where(np.isnan(change.angle), "", [f"{a:.1f}" for a in np.rad2deg(change.angle)])
     return Table(
         title="Modes of the reference and of the changed state",
         header=(
@@ -60,76 +60,76 @@ def change_table(found: Change) -> Table:
         ),
         rows=tuple(
             (
-                str(found.reference_mode[r] + 1), f"{found.reference_frequency[r]:.2f}", f"{found.frequency[r]:.2f}",
-                uncertain(100 * np.expm1(found.frequency_shift[r]), 100 * f_half[r]),
-                f"{100 * found.reference_damping[r]:.3g}", f"{100 * found.damping[r]:.3g}",
-                uncertain(100 * np.expm1(found.damping_shift[r]), 100 * d_half[r]),
-                f"{found.mac[r]:.3f}", str(angle[r]),
-                ", ".join(name for name, own in zip(KINDS, found.which[r], strict=True) if own),
+                str(change.reference_mode[r] + 1), f"{change.reference_frequency[r]:.2f}", f"{change.frequency[r]:.2f}",
+                uncertain(100 * np.expm1(change.frequency_shift[r]), 100 * f_half[r]),
+                f"{100 * change.reference_damping[r]:.3g}", f"{100 * change.damping[r]:.3g}",
+                uncertain(100 * np.expm1(change.damping_shift[r]), 100 * d_half[r]),
+                f"{change.mac[r]:.3f}", str(angle[r]),
+                ", ".join(name for name, changed in zip(KINDS, change.which[r], strict=True) if changed),
             )
-            for r in range(found.mode.size)
+            for r in range(change.mode.size)
         ),
         note="± is half of the interval in which the shift of one mode of an unchanged structure lies in 95 of 100 "
         "cases, by what assemblies scatter and what noise leaves. Changed: what all tests together call changed, with "
-        f"at most {100 * found.level:g} % false alarms.",
+        f"at most {100 * change.level:g} % false alarms.",
     )  # fmt: skip
 
 
-def half_intervals(found: Change) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def half_intervals(change: Change) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return half of the 95 % intervals of the shifts of an unchanged structure, frequency and damping, (n_mode,)."""
-    factor = -scipy.special.stdtrit(STATED_FREEDOM + found.freedom, 0.025)
-    return factor * found.frequency_scatter, factor * found.damping_scatter
+    factor = -scipy.special.stdtrit(STATED_FREEDOM + change.freedom, 0.025)
+    return factor * change.frequency_scatter, factor * change.damping_scatter
 
 
-def shift_picture(found: Change) -> Picture:
+def shift_picture(change: Change) -> Picture:
     """Draw the shift of every frequency with what it scatters by."""
-    shift = np.expm1(found.frequency_shift)
+    shift = np.expm1(change.frequency_shift)
     return Picture(
-        name=f"change_{found.name}",
-        content=svg(shift_figure(found)),
+        name=f"change_{change.name}",
+        content=svg(shift_figure(change)),
         form="svg",
-        data=change_csv(found),
+        data=change_csv(change),
         alt="Shifts of the frequencies: "
         + ", ".join(
-            f"mode {r + 1} {100 * s:+.2g} %" for r, s in zip(found.reference_mode, shift, strict=True)
+            f"mode {r + 1} {100 * s:+.2g} %" for r, s in zip(change.reference_mode, shift, strict=True)
         ),
         caption="Shift of each frequency against the reference. The bars are the interval in which an unchanged "
         "structure lies in 95 of 100 cases; modes that changed are in red.",
         width="half",
-        chart=shift_chart(found),
+        chart=shift_chart(change),
     )
 
 
-def shift_figure(found: Change) -> Figure:
+def shift_figure(change: Change) -> Figure:
     """Draw the shift of every frequency with what it scatters by, for print."""
     from matplotlib.figure import Figure
 
-    half, _ = half_intervals(found)
+    half, _ = half_intervals(change)
     figure = Figure(figsize=(5.0, 3.4), layout="constrained")
     axes = figure.subplots()
-    at, shift, moved = np.arange(found.mode.size), np.expm1(found.frequency_shift), found.which[:, 0]
+    at, shift, moved = np.arange(change.mode.size), np.expm1(change.frequency_shift), change.which[:, 0]
     axes.axhline(0.0, color=palette.INK, linewidth=0.8)
     for which, color in ((~moved, palette.QUIET), (moved, palette.ACCENT)):
         axes.errorbar(at[which], 100 * shift[which], 100 * half[which], fmt="o", color=color, capsize=3)
-    axes.set_xticks(at, _labels(found), rotation=45, fontsize="small")
+    axes.set_xticks(at, _labels(change), rotation=45, fontsize="small")
     axes.set(xlabel="mode, frequency of the reference [Hz]", ylabel="shift [%]")
     return figure
 
 
-def shift_chart(found: Change) -> str:
+def shift_chart(change: Change) -> str:
     """Return the shift of every frequency with what it scatters by as a chart."""
-    shift, (half, _) = np.expm1(found.frequency_shift), half_intervals(found)
+    shift, (half, _) = np.expm1(change.frequency_shift), half_intervals(change)
     traces = [
         {
-            "type": "scatter", "mode": "markers", "name": name, "x": np.array(_labels(found))[which].tolist(),
+            "type": "scatter", "mode": "markers", "name": name, "x": np.array(_labels(change))[which].tolist(),
             "y": single(100 * shift[which]), "marker": {"color": color, "size": 9},
             "error_y": {"type": "data", "array": single(100 * half[which])},
         }
         for which, name, color in (
-            (~found.which[:, 0], "within the scatter", palette.QUIET), (found.which[:, 0], "changed", palette.ACCENT),
+            (~change.which[:, 0], "within the scatter", palette.QUIET), (change.which[:, 0], "changed", palette.ACCENT),
         )
     ]  # fmt: skip
-    kind = {"type": "category", "categoryorder": "array", "categoryarray": _labels(found)}
+    kind = {"type": "category", "categoryorder": "array", "categoryarray": _labels(change)}
     return chart(
         traces,
         {
@@ -141,31 +141,31 @@ def shift_chart(found: Change) -> str:
     )
 
 
-def mac_picture(found: Change) -> Picture:
+def mac_picture(change: Change) -> Picture:
     """Draw the MAC of the reference's modes with those of the state."""
-    rows, columns = found.matrix_row, found.matrix_column
+    rows, columns = change.matrix_row, change.matrix_column
     return Picture(
-        name=f"change_mac_{found.name}",
-        content=png(mac_figure(found.mac_matrix, rows, columns), SHADES),
+        name=f"change_mac_{change.name}",
+        content=png(mac_figure(change.mac_matrix, rows, columns), SHADES),
         form="png",
-        data=matrix_csv(found.mac_matrix, rows, columns),
+        data=matrix_csv(change.mac_matrix, rows, columns),
         alt="MAC matrix of the reference's and the state's modes",
-        caption=f"MAC of the modes of {found.reference[0]} (rows) with those of {found.name}: 1 "
+        caption=f"MAC of the modes of {change.reference[0]} (rows) with those of {change.name}: 1 "
         "where two shapes are alike, 0 where they share nothing.",
         width="half",
-        chart=mac_chart(found.mac_matrix, rows, columns, found.name, found.reference[0]),
+        chart=mac_chart(change.mac_matrix, rows, columns, change.name, change.reference[0]),
     )
 
 
-def comac_picture(found: Change) -> Picture:
+def comac_picture(change: Change) -> Picture:
     """Draw 1 - CoMAC of the matched modes over the measured points."""
     return Picture(
-        name=f"change_comac_{found.name}",
-        content=svg(comac_figure(found)),
+        name=f"change_comac_{change.name}",
+        content=svg(comac_figure(change)),
         form="svg",
         data=as_csv(
             ("point", "direction x", "direction y", "direction z", "x [m]", "y [m]", "z [m]", "CoMAC"),
-            ((n, *d, *p, c) for n, d, p, c in zip(found.node.tolist(), found.direction, found.location, found.comac,
+            ((n, *d, *p, c) for n, d, p, c in zip(change.node.tolist(), change.direction, change.location, change.comac,
                                                   strict=True)),
         ),
         alt="1 - CoMAC over the measured points",
@@ -175,16 +175,16 @@ def comac_picture(found: Change) -> Picture:
     )  # fmt: skip
 
 
-def comac_figure(found: Change) -> Figure:
+def comac_figure(change: Change) -> Figure:
     """Draw 1 - CoMAC as discs over the two axes along which the points extend most."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.0, 3.6), layout="constrained")
     axes = figure.subplots()
-    known = np.all(np.isfinite(found.location), axis=1)
-    place, value = 1e3 * found.location[known], 1.0 - found.comac[known]
+    known = np.all(np.isfinite(change.location), axis=1)
+    place, value = 1e3 * change.location[known], 1.0 - change.comac[known]
     if not known.any():
-        axes.bar(np.arange(found.node.size), 1.0 - found.comac, color=palette.ACCENT)
+        axes.bar(np.arange(change.node.size), 1.0 - change.comac, color=palette.ACCENT)
         axes.set(xlabel="point, in the order of the measurement", ylabel="1 - CoMAC")
         return figure
     first, second = np.sort(np.argsort(-np.ptp(place, axis=0), kind="stable")[:2])
@@ -200,17 +200,17 @@ def comac_figure(found: Change) -> Figure:
     return figure
 
 
-def _labels(found: Change) -> list[str]:
+def _labels(change: Change) -> list[str]:
     return [
         f"{r + 1}: {frequency_text(f, 1)}"
-        for r, f in zip(found.reference_mode, found.reference_frequency, strict=True)
+        for r, f in zip(change.reference_mode, change.reference_frequency, strict=True)
     ]
 
 
 Vector = NDArray[np.float64]
 
 
-def beside_section(tested: Tested, found: Change, reference: Tested) -> Section:
+def beside_section(tested: Tested, change: Change, reference: Tested) -> Section:
     """Show functions and shapes of a state over those of its reference.
 
     Parameters
@@ -228,33 +228,33 @@ def beside_section(tested: Tested, found: Change, reference: Tested) -> Section:
             title=title, text=("They were measured at other points: shapes are not laid over each other.",)
         )
     functions = functions_picture(tested, reference)
-    shapes = shapes_beside(tested, found, reference)
-    return Section(title=title, blocks=tuple(own for own in (functions, shapes) if own is not None))
+    shapes = shapes_beside(tested, change, reference)
+    return Section(title=title, blocks=tuple(block for block in (functions, shapes) if block is not None))
 
 
-def same_points(one: ModalModel, other: ModalModel) -> bool:
+def same_points(state: ModalModel, reference: ModalModel) -> bool:
     """Tell whether two states were measured at the same points in the same directions, in one order."""
-    return np.array_equal(one.node, other.node) and np.allclose(one.direction, other.direction)
+    return np.array_equal(state.node, reference.node) and np.allclose(state.direction, reference.direction)
 
 
-def shape_pairs_beside(measured: ModalModel, found: Change, reference: ModalModel) -> tuple[ShapePair, ...]:
+def shape_pairs_beside(measured: ModalModel, change: Change, reference: ModalModel) -> tuple[ShapePair, ...]:
     """Return the shape of every mode that both states have, with that of the reference."""
     return tuple(
         beside_shape(
             measured,
             int(r),
-            (float(reference.frequency[q]), float(found.mac[k]), reference.shape[:, int(q)].real),
+            (float(reference.frequency[q]), float(change.mac[k]), reference.shape[:, int(q)].real),
         )
-        for k, (r, q) in enumerate(zip(found.mode, found.reference_mode, strict=True))
+        for k, (r, q) in enumerate(zip(change.mode, change.reference_mode, strict=True))
     )
 
 
-def shapes_beside(tested: Tested, found: Change, reference: Tested) -> Gallery | None:
+def shapes_beside(tested: Tested, change: Change, reference: Tested) -> Gallery | None:
     """Return the shapes that turn and move; None without a mode that both have, or without coordinates."""
     measured = tested.measured
-    if not found.mode.size or not np.isin(measured.node, measured.geometry.node).any():
+    if not change.mode.size or not np.isin(measured.node, measured.geometry.node).any():
         return None
-    pairs = shape_pairs_beside(measured, found, reference.measured)
+    pairs = shape_pairs_beside(measured, change, reference.measured)
     return gallery_of(f"{tested.name}_beside", pairs, None, names=(tested.name, reference.name))
 
 
@@ -262,12 +262,12 @@ def common_lines(tested: Tested, reference: Tested) -> tuple[FRF, NDArray[np.com
     """Return the functions of a state within its band and the reference's there; None where lines differ."""
     if not (tested.has_functions and reference.has_functions):
         return None
-    own, other = (within_band(one.frf(), tested.measured) for one in (tested, reference))
-    if own.frequency.shape != other.frequency.shape or not np.allclose(own.frequency, other.frequency):
+    lines, before = (within_band(state.frf(), tested.measured) for state in (tested, reference))
+    if lines.frequency.shape != before.frequency.shape or not np.allclose(lines.frequency, before.frequency):
         return None
-    if own.value.shape != other.value.shape or not np.array_equal(own.output.node, other.output.node):
+    if lines.value.shape != before.value.shape or not np.array_equal(lines.output.node, before.output.node):
         return None
-    return own, other.value[:, 0]
+    return lines, before.value[:, 0]
 
 
 def functions_picture(tested: Tested, reference: Tested) -> Picture | None:
@@ -301,7 +301,7 @@ def mean_chart(tested: Tested, reference: Tested) -> str | None:
     if common is None:
         return None
     lines, before = common
-    mean = [np.sqrt(np.mean(np.abs(own) ** 2, axis=0)) for own in (lines.value[:, 0], before)]
+    mean = [np.sqrt(np.mean(np.abs(functions) ** 2, axis=0)) for functions in (lines.value[:, 0], before)]
     traces = [
         {
             "type": "scatter", "mode": "lines", "name": name, "x": single(lines.frequency), "y": single(value),

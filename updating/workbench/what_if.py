@@ -24,7 +24,7 @@ from updating.diagnosis.fit_settings import CONTACT
 from updating.errors import PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, frequency_error
 from updating.fitting.target import Prepared, partners, prepare, solve_every, stack_in_state, target_of_modes
-from updating.report.identified_model import what_was_found
+from updating.report.identified_model import identified_effects
 from updating.report.part import axis, chart, legend_above, single
 from updating.report.results import Results, Tested
 from updating.results.text import quantity
@@ -308,7 +308,7 @@ def effect_choices(results: Results) -> list[dict[str, str]]:
     The page searches titles and subtitles, so that a family's name finds all of its effects.
     """
     known = catalogue()
-    found = what_was_found(results)
+    found = identified_effects(results)
     own = () if found is None else found.effects
     tried = _likeliest(results)
     order = sorted(
@@ -371,7 +371,7 @@ def values_of(results: Results, configuration: str, effects: Sequence[str]) -> d
     """
     own = explanation(results, effects)
     if own is None or results.diagnosis is None or results.diagnosis.stack is None:
-        found = what_was_found(results)
+        found = identified_effects(results)
         return {} if found is None else dict(found.value)
     known = find_effects(effects, catalogue())
     return explained_values(explained_stack(results.diagnosis.stack, own, known, state=configuration))

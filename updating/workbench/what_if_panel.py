@@ -15,7 +15,7 @@ from ema.types.frf import FRF
 from model import Observed
 from updating.errors import LAMELLA_ERRORS
 from updating.fitting.target import model_file
-from updating.report.identified_model import what_was_found
+from updating.report.identified_model import identified_effects
 from updating.report.results import Results
 from updating.results.text import percent, quantity
 from updating.workbench.opened import Command, Opened, empty, figure, plot
@@ -98,7 +98,10 @@ class _WhatIf:
         with self.state as state:
             state.preparing, state.what_if_text = True, "Reducing the model, which takes some seconds."
             results = self.opened.results()
-            state.effect_list, state.can_be_set = effect_choices(results), what_was_found(results) is not None
+            state.effect_list, state.can_be_set = (
+                effect_choices(results),
+                identified_effects(results) is not None,
+            )
         try:
             tried = await asyncio.get_running_loop().run_in_executor(None, self._try, *wanted)
         except LAMELLA_ERRORS as error:
@@ -167,7 +170,7 @@ class _WhatIf:
     async def set_to_answer(self) -> None:
         """Try the effects that were identified, with every slider at the value of the answer."""
         results = self.opened.results()
-        found = what_was_found(results)
+        found = identified_effects(results)
         if found is not None:
             await self._set(results, found.effects)
 
