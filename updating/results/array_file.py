@@ -89,38 +89,37 @@ def restored(graph: Graph, types: Iterable[type], special: Iterable[Special]) ->
         As in `flattened`.
     """
     known = {kind.__name__: kind for kind in types}
-    ups = {each.kind.__name__: each.up for each in special}
-    found: list[Any] = []
+    ups = {s.kind.__name__: s.up for s in special}
+    values: list[Any] = []
 
     def value(item: Any) -> Any:
-        return found[item["at"]] if isinstance(item, dict) else item
+        return values[item["at"]] if isinstance(item, dict) else item
 
     for tag, name, content in graph.nodes:
         if tag == "array":
-            found.append(graph.arrays[content].T if name == "transposed" else graph.arrays[content])
+            values.append(graph.arrays[content].T if name == "transposed" else graph.arrays[content])
         elif tag == "sparse":
             shape, *parts = content
             matrix = _SPARSE[name](tuple(shape))
-            matrix.data, matrix.indices, matrix.indptr = map(
-                value, parts
-            )  # as they were: no checks, no copies
-            found.append(matrix)
+            # set directly: no checks, no copies
+            matrix.data, matrix.indices, matrix.indptr = map(value, parts)
+            values.append(matrix)
         elif tag == "special":
-            found.append(ups[name](value(content)))
+            values.append(ups[name](value(content)))
         elif tag == "type":
-            found.append(known[name](**{key: value(item) for key, item in content.items()}))
+            values.append(known[name](**{key: value(item) for key, item in content.items()}))
         elif tag == "mapping":
-            found.append({key: value(item) for key, item in content.items()})
+            values.append({key: value(item) for key, item in content.items()})
         else:
             items = [value(item) for item in content]
-            found.append(tuple(items) if name == "tuple" else items)
-    return found[-1]
+            values.append(tuple(items) if name == "tuple" else items)
+    return values[-1]
 
 
 class _Flattening:
     def __init__(self, types: Iterable[type], special: Iterable[Special]) -> None:
         self._types = frozenset(types)
-        self._special = {each.kind: each for each in special}
+        self._special = {s.kind: s for s in special}
         self._nodes: list[Any] = []
         self._arrays: list[NDArray[Any]] = []
         self._places: dict[int, int] = {}
@@ -148,9 +147,8 @@ class _Flattening:
     def _node(self, value: Any) -> tuple[str, str, Any]:
         kind = type(value)
         if isinstance(value, np.ndarray) and value.dtype.kind in _NUMBERS:
-            transposed = (
-                value.flags.f_contiguous and not value.flags.c_contiguous
-            )  # products round by the order
+            # the order is kept, for products are rounded by it
+            transposed = value.flags.f_contiguous and not value.flags.c_contiguous
             array = np.ascontiguousarray(value.T if transposed else value)
             content = (array.dtype.str, array.shape, hashlib.sha256(array.data).digest())
             if content not in self._same:  # patterns of matrices repeat

@@ -57,12 +57,12 @@ class OverAmplitude:
 
     def _of_each_level(self, table: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Return a table of the dependence in the order of the modes of each level."""
-        found = []
+        by_level = []
         for modes, number, values in zip(self.level, self.dependence.mode, table, strict=True):
-            own = np.full(modes.frequency.size, np.nan)
-            own[number[number >= 0]] = values[number >= 0]
-            found.append(own)
-        return tuple(found)
+            in_order = np.full(modes.frequency.size, np.nan)
+            in_order[number[number >= 0]] = values[number >= 0]
+            by_level.append(in_order)
+        return tuple(by_level)
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -70,14 +70,14 @@ class OverAmplitude:
         return (*self.lost, *self.dependence.findings)
 
 
-def over_amplitude(assigned: Assignment, found: Identified) -> OverAmplitude | None:
+def over_amplitude(assigned: Assignment, identified: Identified) -> OverAmplitude | None:
     """Follow a configuration's modes over its force levels; write amplitude.json, or read back what a run left.
 
     Parameters
     ----------
     assigned : Assignment
         The configuration.
-    found : Identified
+    identified : Identified
         It at the force of its own files.
 
     Returns
@@ -96,16 +96,18 @@ def over_amplitude(assigned: Assignment, found: Identified) -> OverAmplitude | N
     if not configuration.force_levels or configuration.force is None:
         return None
     inputs, options = made_from(assigned)
-    inputs = (*inputs, found.folder / MEASUREMENT)
-    path = found.folder / AMPLITUDE
+    inputs = (*inputs, identified.folder / MEASUREMENT)
+    path = identified.folder / AMPLITUDE
     earlier = read_current(path, OverAmplitude, inputs=inputs, options=options)
     if earlier is not None:
         return earlier
-    own = Level(
-        force=configuration.force, frf=read_frf(found.folder / MEASUREMENT), modal_model=found.modal_model
+    base = Level(
+        force=configuration.force,
+        frf=read_frf(identified.folder / MEASUREMENT),
+        modal_model=identified.modal_model,
     )
     others, lost = identify_force_levels(assigned.campaign, configuration.name)
-    levels = sorted((own, *others), key=lambda level: level.force)
+    levels = sorted((base, *others), key=lambda level: level.force)
     result = OverAmplitude(
         dependence=amplitude_dependence(configuration.name, levels),
         level=tuple(at_resonance(level) for level in levels),
@@ -115,7 +117,7 @@ def over_amplitude(assigned: Assignment, found: Identified) -> OverAmplitude | N
     return result
 
 
-def stored_amplitude(found: Identified) -> OverAmplitude | None:
+def stored_amplitude(identified: Identified) -> OverAmplitude | None:
     """Return what `over_amplitude` wrote of a configuration; None of one without force levels.
 
     Raises
@@ -123,17 +125,17 @@ def stored_amplitude(found: Identified) -> OverAmplitude | None:
     StoreError
         It is missing or damaged.
     """
-    configuration = found.configuration
+    configuration = identified.configuration
     if not configuration.force_levels or configuration.force is None:
         return None
-    return read_result(found.folder / AMPLITUDE, OverAmplitude)
+    return read_result(identified.folder / AMPLITUDE, OverAmplitude)
 
 
 _MOST = 4  # findings of a configuration that are reported
 
 
 def campaign_findings(results: Sequence[Identified]) -> tuple[str, ...]:
-    """Say which files stand in several configurations, and what is stated that the modes contradict.
+    """Say which files several configurations name, and which statements the modes contradict.
 
     Parameters
     ----------
@@ -147,18 +149,18 @@ def campaign_findings(results: Sequence[Identified]) -> tuple[str, ...]:
     """
     if len(results) < 2:
         return ()
-    models = [found.modal_model for found in results]
+    models = [identified.modal_model for identified in results]
     digests = {
-        found.modal_model.name: content_digests(read_frf(found.folder / MEASUREMENT))
-        for found in results
-        if not found.modal_model.read_from
+        identified.modal_model.name: content_digests(read_frf(identified.folder / MEASUREMENT))
+        for identified in results
+        if not identified.modal_model.read_from
     }
-    stated = contradicted([found.configuration for found in results], models, compare(models))
+    stated = contradicted([identified.configuration for identified in results], models, compare(models))
     return (*shared_functions(digests), *stated)
 
 
 def measurement_findings(results: Sequence[Identified], followed: Collection[str] = ()) -> Iterator[str]:
-    """Say what was found of the measurements that an answer rests on, for it is no better than they are.
+    """Yield the findings about the measurements that an answer is computed from.
 
     Parameters
     ----------
@@ -169,18 +171,17 @@ def measurement_findings(results: Sequence[Identified], followed: Collection[str
     """
     for finding in campaign_findings(results):
         yield f"In the campaign: {finding}"
-    for found in results:
-        findings = found.quality.findings
-        if found.configuration.name in followed:
+    for identified in results:
+        findings = identified.quality.findings
+        if identified.configuration.name in followed:
             findings = tuple(finding for finding in findings if not finding.endswith(NOT_LINEAR))
-        by_hand = [
-            finding for finding in findings if BY_HAND in finding
-        ]  # is said, however many others there are
+        # these are always given, however many others there are
+        by_hand = [finding for finding in findings if BY_HAND in finding]
         findings = (*by_hand, *(finding for finding in findings if finding not in by_hand))
         for finding in findings[:_MOST]:
-            yield f"In the measurement of {found.configuration.name}: {finding}"
+            yield f"In the measurement of {identified.configuration.name}: {finding}"
         if len(findings) > _MOST:
-            yield f"{len(findings) - _MOST} more findings are in {found.folder / 'quality.json'}."
+            yield f"{len(findings) - _MOST} more findings are in {identified.folder / 'quality.json'}."
 
 
 CHANGE = "change.json"
@@ -210,27 +211,33 @@ def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[C
     StoreError
         A result cannot be written.
     """
-    done = {found.configuration.name: found for found in results}
+    done = {identified.configuration.name: identified for identified in results}
     changes, lost = [], []
-    for own in campaign.configurations:
-        if not own.compare_to:
+    for configuration in campaign.configurations:
+        if not configuration.compare_to:
             continue
-        states = [n for n in repeats_of(campaign.configurations, (own.name,)) if n in done]
-        references = [n for n in repeats_of(campaign.configurations, own.compare_to) if n in done]
-        if own.name not in done or not references:
-            which = own.name if own.name not in done else ", ".join(own.compare_to)
-            lost.append(f"{own.name} is not compared with {', '.join(own.compare_to)}: {which} has no modes")
+        states = [n for n in repeats_of(campaign.configurations, (configuration.name,)) if n in done]
+        references = [n for n in repeats_of(campaign.configurations, configuration.compare_to) if n in done]
+        if configuration.name not in done or not references:
+            which = (
+                configuration.name if configuration.name not in done else ", ".join(configuration.compare_to)
+            )
+            lost.append(
+                f"{configuration.name} is not compared with {', '.join(configuration.compare_to)}: {which} has no modes"
+            )
             continue
         used = [done[name] for name in (*states, *references)]
-        models = [found.modal_model for found in used]
+        models = [identified.modal_model for identified in used]
         try:
-            found = change(models[: len(states)], models[len(states) :], campaign.reassembly)
+            difference = change(models[: len(states)], models[len(states) :], campaign.reassembly)
         except IdentificationError as error:
-            lost.append(f"{own.name} is not compared with {', '.join(own.compare_to)}: {error}")
+            lost.append(
+                f"{configuration.name} is not compared with {', '.join(configuration.compare_to)}: {error}"
+            )
             continue
-        folder = done[own.name].folder
-        inputs = tuple(each.folder / "modal_model.json" for each in used)
-        write_result(folder / CHANGE, found, inputs=inputs, options={})
-        write_bytes(folder / "change.csv", change_csv(found).encode())
-        changes.append(found)
+        folder = done[configuration.name].folder
+        inputs = tuple(identified.folder / "modal_model.json" for identified in used)
+        write_result(folder / CHANGE, difference, inputs=inputs, options={})
+        write_bytes(folder / "change.csv", change_csv(difference).encode())
+        changes.append(difference)
     return tuple(changes), tuple(lost)

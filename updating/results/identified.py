@@ -83,9 +83,8 @@ def campaign_file(folder: Path) -> Path:
     """
     document = read_document(folder / CAMPAIGN)
     named = Path(document["result"]["path"])
-    above = (
-        () if ".." in named.parts else (Path(), *folder.absolute().parents)
-    )  # of results of older versions
+    # results of older versions name the file from where their command was started
+    above = () if ".." in named.parts else (Path(), *folder.absolute().parents)
     for place in (folder.absolute(), *above):
         file = Path(os.path.normpath(place / named))
         if file.is_file():
@@ -142,12 +141,12 @@ def keep_choice(poles: Path, folder: Path) -> None:
     StoreError
         The folder cannot be written.
     """
-    read_poles(poles)  # what is wrong with it is said of this file
+    read_poles(poles)  # so that an error names this file
     write_bytes(folder / CHOSEN, plain_bytes(poles))
 
 
 def forget_choices(output: Path) -> None:
-    """Let the poles of all configurations in a results folder, and in results in it, be chosen automatically again."""
+    """Delete the chosen poles of a results folder and of results in it, so that they are chosen automatically again."""
     for file in (*output.glob(f"*/{CHOSEN}"), *output.glob(f"*/*/{CHOSEN}")):
         file.unlink()
 
@@ -176,13 +175,13 @@ def chosen_poles(campaign: Campaign, output: Path, given: Path | None = None) ->
         files = {
             c.name: given.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations
         }
-        found = {name: file for name, file in files.items() if file.exists()}
-        if not found:
+        existing = {name: file for name, file in files.items() if file.exists()}
+        if not existing:
             message = (
                 f"{given}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
             )
             raise StoreError(message)
-        for name, file in found.items():
+        for name, file in existing.items():
             keep_choice(file, output / folder_name(name))
     places = [output, *(p for p in output.parents[:_ABOVE] if _is_of(campaign, p))]
     chosen = {}
@@ -230,32 +229,32 @@ class Quality:
     @property
     def findings(self) -> tuple[str, ...]:
         """What a user should read: failures of the checks, then warnings, then the notes."""
-        found = (v.text for level in ("fail", "warn") for v in self.verdicts if v.level == level)
-        return (*found, *self.notes)
+        texts = (v.text for level in ("fail", "warn") for v in self.verdicts if v.level == level)
+        return (*texts, *self.notes)
 
 
-def quality(found: Identification, remarks: tuple[str, ...] = ()) -> Quality:
-    """Collect what reading, checks and the comparison of roving runs found, after further remarks."""
-    frf = found.measurement.frf
-    changes = run_changes(found.modal_model, frf.run, sensors_rove=not frf.reciprocal)
+def quality(identification: Identification, remarks: tuple[str, ...] = ()) -> Quality:
+    """Collect the verdicts of the checks and the notes of reading and of comparing roving runs, after remarks."""
+    frf = identification.measurement.frf
+    changes = run_changes(identification.modal_model, frf.run, sensors_rove=not frf.reciprocal)
     return Quality(
-        verdicts=found.verdicts,
-        notes=(*remarks, *found.measurement.notes, *((changes.finding,) if changes.finding else ())),
-        explained=found.explained,
+        verdicts=identification.verdicts,
+        notes=(*remarks, *identification.measurement.notes, *((changes.finding,) if changes.finding else ())),
+        explained=identification.explained,
     )
 
 
-def quality_of_read(found: ReadModes) -> Quality:
-    """Collect what reading modes and the checks of them found; of functions, which there are none, nothing."""
-    n_mode = found.modal_model.frequency.size
+def quality_of_read(read: ReadModes) -> Quality:
+    """Collect the notes of reading modes and the verdicts of their checks; there are no functions to check."""
+    n_mode = read.modal_model.frequency.size
     explained = ExplainedPower(
         channel=(),
         edge=np.full(n_mode + 1, np.nan),
         share=np.empty((0, n_mode)),
         whole=np.empty(0),
-        quantity=found.modal_model.quantity,
+        quantity=read.modal_model.quantity,
     )
-    return Quality(verdicts=found.verdicts, notes=found.notes, explained=explained)
+    return Quality(verdicts=read.verdicts, notes=read.notes, explained=explained)
 
 
 R = TypeVar("R")
@@ -386,13 +385,13 @@ def identified(assigned: Assignment) -> Identified:
         return _read(assigned)
     folder, poles, configuration = assigned.folder, assigned.poles, assigned.configuration
     by_hand = {} if poles is None else {configuration.name: read_poles(poles)}
-    (found,) = identify(assigned.campaign, by_hand)
+    (identification,) = identify(assigned.campaign, by_hand)
     remarks = () if poles is None else (choice_note(poles),)
-    modes, checks = found.modal_model, quality(found, remarks)
+    modes, checks = identification.modal_model, quality(identification, remarks)
     inputs, options = made_from(assigned)
-    write_frf(folder / MEASUREMENT, found.measurement.frf)
+    write_frf(folder / MEASUREMENT, identification.measurement.frf)
     write_result(folder / "quality.json", checks, inputs=inputs, options=options)
-    # last, for it tells that the others are there, and by its digest which measurement is
+    # written last: it shows that the other files are complete, and its digest says of which measurement
     inputs = (*inputs, folder / MEASUREMENT)
     write_result(folder / "modal_model.json", modes, inputs=inputs, options=options)
     return Identified(configuration=configuration, folder=folder, modal_model=modes, quality=checks)
@@ -401,8 +400,8 @@ def identified(assigned: Assignment) -> Identified:
 def _read(assigned: Assignment) -> Identified:
     """Read the modes of a configuration whose files hold modes, and write them as an identification is written."""
     folder = assigned.folder
-    found = read_modes(assigned.campaign, assigned.configuration.name)
-    modes, checks = found.modal_model, quality_of_read(found)
+    modes_read = read_modes(assigned.campaign, assigned.configuration.name)
+    modes, checks = modes_read.modal_model, quality_of_read(modes_read)
     inputs, options = made_from(assigned)
     (folder / MEASUREMENT).unlink(missing_ok=True)  # of functions that an earlier campaign file named
     write_result(folder / "quality.json", checks, inputs=inputs, options=options)
@@ -411,7 +410,7 @@ def _read(assigned: Assignment) -> Identified:
 
 
 def attempted(task: Callable[[Assignment], R], assigned: Assignment) -> R | Failed:
-    """Do a task with one configuration; what is wrong with it is returned, so that it does not end the others.
+    """Do a task with one configuration; return its error, so that the others go on.
 
     Parameters
     ----------
@@ -432,7 +431,7 @@ def attempted(task: Callable[[Assignment], R], assigned: Assignment) -> R | Fail
 
 
 def require_none(failed: Sequence[Failed], n_configuration: int) -> None:
-    """Raise what was wrong with configurations, once the others are done.
+    """Raise the errors of configurations, once the others are done.
 
     Parameters
     ----------
@@ -449,7 +448,7 @@ def require_none(failed: Sequence[Failed], n_configuration: int) -> None:
     if failed and n_configuration == 1:
         raise failed[0].error
     if failed:
-        raise type(failed[0].error)("\n".join(f"{each.name}: {each.error}" for each in failed))
+        raise type(failed[0].error)("\n".join(f"{failure.name}: {failure.error}" for failure in failed))
 
 
 def every_identified(
@@ -469,12 +468,12 @@ def every_identified(
     EmaError
         Some cannot be identified; the others are kept.
     """
-    earlier = [read_back(each) for each in assigned]
-    new = [each for each, found in zip(assigned, earlier, strict=True) if found is None]
+    earlier = [read_back(assignment) for assignment in assigned]
+    new = [assignment for assignment, left in zip(assigned, earlier, strict=True) if left is None]
     made = tuple(in_parallel(partial(attempted, identified), new, text, console, cluster))
-    require_none([each for each in made if isinstance(each, Failed)], len(assigned))
-    now = iter([each for each in made if not isinstance(each, Failed)])
-    return tuple(next(now) if found is None else found for found in earlier)
+    require_none([result for result in made if isinstance(result, Failed)], len(assigned))
+    now = iter([result for result in made if not isinstance(result, Failed)])
+    return tuple(next(now) if left is None else left for left in earlier)
 
 
 def read_back(assigned: Assignment) -> Identified | None:
@@ -522,10 +521,10 @@ def _check_folders(campaign: Campaign) -> None:
     """Refuse names that differ only in what a folder's name cannot hold."""
     names: dict[str, str] = {}
     for configuration in campaign.configurations:
-        other = names.setdefault(folder_name(configuration.name).casefold(), configuration.name)
-        if other != configuration.name:
+        first = names.setdefault(folder_name(configuration.name).casefold(), configuration.name)
+        if first != configuration.name:
             message = (
-                f"{campaign.path}: configurations {other!r} and {configuration.name!r} would both be written to the "
+                f"{campaign.path}: configurations {first!r} and {configuration.name!r} would both be written to the "
                 f"folder {folder_name(configuration.name)}; give them names that differ in letters or digits"
             )
             raise StoreError(message)

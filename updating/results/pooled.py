@@ -234,7 +234,7 @@ class PooledDiagnosis:
     def best(self) -> PooledRanked:
         """The explanation that is reported: the base model where nothing is missing, or nothing helps."""
         if self.verdict in ("nothing missing", "unlike anything"):
-            return next(own for own in self.ranking if not own.parts)
+            return next(explanation for explanation in self.ranking if not explanation.parts)
         return self.ranking[0]
 
 
@@ -248,71 +248,73 @@ _LOWERED = 0.8  # of an error, from which it is much lower
 _FOLDED = 5  # names that are listed before a count stands for the rest
 
 
-def sentences(found: PooledDiagnosis) -> tuple[str, ...]:
-    """Write the verdict, whose each effect is, which specimens are odd, and what groups change."""
-    text = [_verdict(found)]
-    text += _likelier(found)
-    text += [f"Without it, in the mean of all specimens, {own}" for own in found.relieved[:_LISTED]]
-    if found.left > 1:
-        text.append(_cannot_tell(found))
-    text.append(_odd(found))
-    text += _groups(found.contrasts)
-    text.append(_scatter(found))
-    text += [f"Beware: in the mean of all specimens, {own}" for own in found.strained[:_LISTED]]
-    if found.not_visible:
+def sentences(diagnosis: PooledDiagnosis) -> tuple[str, ...]:
+    """Write the verdict, the level of each effect, which specimens are odd, and what groups change."""
+    text = [_verdict(diagnosis)]
+    text += _likelier(diagnosis)
+    text += [
+        f"Without it, in the mean of all specimens, {finding}" for finding in diagnosis.relieved[:_LISTED]
+    ]
+    if diagnosis.left > 1:
+        text.append(_cannot_tell(diagnosis))
+    text.append(_odd(diagnosis))
+    text += _groups(diagnosis.contrasts)
+    text.append(_scatter(diagnosis))
+    text += [f"Beware: in the mean of all specimens, {finding}" for finding in diagnosis.strained[:_LISTED]]
+    if diagnosis.not_visible:
         text.append(
             "Too weak to show in these data at any plausible strength, were they the rig's: "
-            f"{_folded(found.not_visible)}."
+            f"{_folded(diagnosis.not_visible)}."
         )
     return tuple(text)
 
 
-def part_text(own: Part) -> str:
-    """Return a term in words: what, and whose it is."""
-    alike = f", the same in all {len(own.specimens)} specimens" if own.level == "rig" else ""
-    return f"{_named(own)}, {_whose(own)}{alike}"
+def part_text(part: Part) -> str:
+    """Return a term in words: its effect, and whether it is of the rig, of a group or of a specimen."""
+    alike = f", the same in all {len(part.specimens)} specimens" if part.level == "rig" else ""
+    return f"{_named(part)}, {_whose(part)}{alike}"
 
 
-def _named(own: Part) -> str:
-    return f"{own.label} ({own.effect})"
+def _named(part: Part) -> str:
+    return f"{part.label} ({part.effect})"
 
 
-def _whose(own: Part) -> str:
+def _whose(part: Part) -> str:
     return {
         "rig": "of the rig",
-        "group": f"of the group {own.of}",
-        "specimen": f"of specimen {own.of} alone",
-    }[own.level]
+        "group": f"of the group {part.of}",
+        "specimen": f"of specimen {part.of} alone",
+    }[part.level]
 
 
-def explanation_text(own: PooledRanked) -> str:
+def explanation_text(explanation: PooledRanked) -> str:
     """Return all terms of an explanation in words."""
-    return "; and ".join(map(part_text, own.parts)) or "the base model"
+    return "; and ".join(map(part_text, explanation.parts)) or "the base model"
 
 
-def _verdict(found: PooledDiagnosis) -> str:
+def _verdict(diagnosis: PooledDiagnosis) -> str:
     """Write the sentence that a customer needs."""
-    base = next(own for own in found.ranking if not own.parts)
-    n = len(found.specimens)
-    if found.verdict == "nothing missing":
+    base = next(explanation for explanation in diagnosis.ranking if not explanation.parts)
+    n = len(diagnosis.specimens)
+    if diagnosis.verdict == "nothing missing":
         return (
             f"Nothing is missing that these {n} specimens can show. The model's frequencies are off by "
             f"{percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a specimen that "
             "is predicted from the others."
         )
-    best = found.ranking[0]
-    if found.verdict == "unlike anything":
+    best = diagnosis.ranking[0]
+    if diagnosis.verdict == "unlike anything":
         return (
             "Something is missing that no effect of the catalogue explains, whosever it be. The model's frequencies "
             f"are off by {percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a "
-            f"specimen that is predicted from the others, {_lowered(found, base)}."
+            f"specimen that is predicted from the others, {_lowered(diagnosis, base)}."
         )
-    parts = "; and ".join(f"{part_text(own)}{_values(own)}" for own in best.parts) or "the base model"
+    parts = "; and ".join(f"{part_text(part)}{_values(part)}" for part in best.parts) or "the base model"
     start = {
         "identified": "Identified",
         "partly explained": "Part of what is missing",
         "as asked": "As asked for",
-    }.get(found.verdict, "Most probable")
+    }.get(diagnosis.verdict, "Most probable")
     return (
         f"{start}: {parts}. Mean frequency errors, before and with it: fitted {_change('frequency_error', base, best)}"
         f"; a specimen predicted from the others {_change('left_out_error', base, best)}"
@@ -320,28 +322,28 @@ def _verdict(found: PooledDiagnosis) -> str:
     )
 
 
-def _likelier(found: PooledDiagnosis) -> list[str]:
-    """Say what is more probable than the answer and why it is not the answer: the table has it so."""
-    likeliest = max(found.ranking, key=lambda own: own.log_odds)
-    left = found.ranking[: found.left]
-    own = max(left, key=lambda one: one.log_odds)
-    if found.verdict == "as asked" or likeliest in left or likeliest.log_odds - own.log_odds < NAMED:
+def _likelier(diagnosis: PooledDiagnosis) -> list[str]:
+    """Say which explanation has higher odds than the answer, as the table shows it, and why it is not the answer."""
+    likeliest = max(diagnosis.ranking, key=lambda explanation: explanation.log_odds)
+    left = diagnosis.ranking[: diagnosis.left]
+    answer = max(left, key=lambda explanation: explanation.log_odds)
+    if diagnosis.verdict == "as asked" or likeliest in left or likeliest.log_odds - answer.log_odds < NAMED:
         return []
-    known = {(one.effect, one.of) for one in own.parts}
-    further = [one for one in likeliest.parts if (one.effect, one.of) not in known]
-    beside = " beside it" if own.parts and len(further) < len(likeliest.parts) else ""
+    known = {(part.effect, part.of) for part in answer.parts}
+    further = [part for part in likeliest.parts if (part.effect, part.of) not in known]
+    beside = " beside it" if answer.parts and len(further) < len(likeliest.parts) else ""
     names = "; and ".join(map(part_text, further if beside else likeliest.parts))
     return [
         f"By the odds alone, {names}{beside} would be the answer, but then the mean frequency error of a "
-        f"specimen predicted from the others goes from {percent(own.left_out_error)} to "
+        f"specimen predicted from the others goes from {percent(answer.left_out_error)} to "
         f"{percent(likeliest.left_out_error)}. It predicts others little better: it may only describe an error of the "
         "model, and is not named."
     ]
 
 
-def _lowered(found: PooledDiagnosis, base: PooledRanked) -> str:
-    """Say how far what was tried lowers the error of specimens left out, though it is not believed."""
-    least = min(found.ranking, key=lambda own: own.left_out_error)
+def _lowered(diagnosis: PooledDiagnosis, base: PooledRanked) -> str:
+    """Say how far the best explanation lowers the error of specimens left out, though it is not probable enough."""
+    least = min(diagnosis.ranking, key=lambda explanation: explanation.left_out_error)
     if least.left_out_error > _LOWERED * base.left_out_error:
         return "which none of what was tried lowers much"
     return (
@@ -354,62 +356,63 @@ def _change(name: str, base: PooledRanked, best: PooledRanked) -> str:
     return f"{percent(getattr(base, name))} and {percent(getattr(best, name))}"
 
 
-def _values(own: Part) -> str:
-    values = ", ".join(map(interval_text, own.parameter[:_LISTED]))
+def _values(part: Part) -> str:
+    values = ", ".join(map(interval_text, part.parameter[:_LISTED]))
     return f": {values}" if values else ""
 
 
-def _cannot_tell(found: PooledDiagnosis) -> str:
-    """Say what the data do not separate, and whether that is the effect or its level; what all have is said once."""
-    best, others = found.ranking[0], found.ranking[1 : found.left]
+def _cannot_tell(diagnosis: PooledDiagnosis) -> str:
+    """Say which explanations the data do not separate, in effect or in level; name common terms once."""
+    best, others = diagnosis.ranking[0], diagnosis.ranking[1 : diagnosis.left]
     what = (
         "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
     )
-    common = [own for own in best.parts if all(_is_in(own, other) for other in others)]
-    listed = "; or ".join(_beside(common, own) for own in others[:_LISTED])
+    common = [part for part in best.parts if all(_is_in(part, explanation) for explanation in others)]
+    listed = "; or ".join(_beside(common, explanation) for explanation in others[:_LISTED])
     more = f"; or {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     where = f"beside {' and '.join(map(_named, common))} " if common else ""
     return f"These data cannot tell {what}: {where}it may as well be {listed}{more}."
 
 
-def _beside(common: Sequence[Part], own: PooledRanked) -> str:
-    """Return in words what an explanation has beside what all have."""
-    rest = [part for part in own.parts if not any(_is_same(part, each) for each in common)]
+def _beside(common: Sequence[Part], explanation: PooledRanked) -> str:
+    """Return in words the terms of an explanation that are not common to all."""
+    rest = [part for part in explanation.parts if not any(_is_same(part, shared) for shared in common)]
     return " together with ".join(f"{_named(part)}, {_whose(part)}" for part in rest) or "nothing more"
 
 
-def _is_in(own: Part, other: PooledRanked) -> bool:
-    return any(_is_same(own, part) for part in other.parts)
+def _is_in(part: Part, explanation: PooledRanked) -> bool:
+    return any(_is_same(part, candidate) for candidate in explanation.parts)
 
 
-def _is_same(own: Part, other: Part) -> bool:
-    return (own.effect, own.level, own.of) == (other.effect, other.level, other.of)
+def _is_same(first: Part, second: Part) -> bool:
+    return (first.effect, first.level, first.of) == (second.effect, second.level, second.of)
 
 
-def _effects(own: PooledRanked) -> set[str]:
-    return {part.effect for part in own.parts}
+def _effects(explanation: PooledRanked) -> set[str]:
+    return {part.effect for part in explanation.parts}
 
 
-def _odd(found: PooledDiagnosis) -> str:
-    odd = [own for own in found.specimens if own.odd]
+def _odd(diagnosis: PooledDiagnosis) -> str:
+    odd = [specimen for specimen in diagnosis.specimens if specimen.odd]
     if not odd:
-        return f"No specimen is odd: none of the {len(found.specimens)} needs an effect that the others lack."
-    listed = "; ".join(f"{own.name} ({', '.join(own.odd)})" for own in odd)
-    return f"Odd among the {len(found.specimens)} specimens: {listed}."
+        return f"No specimen is odd: none of the {len(diagnosis.specimens)} needs an effect that the others lack."
+    listed = "; ".join(f"{specimen.name} ({', '.join(specimen.odd)})" for specimen in odd)
+    return f"Odd among the {len(diagnosis.specimens)} specimens: {listed}."
 
 
 def _groups(contrasts: Sequence[Contrast]) -> list[str]:
     """Say what groups change, and what they do not."""
     text, silent = [], []
-    for own in sorted(contrasts, key=lambda own: own.upper / own.lower):
-        if own.lower > 1.0 or own.upper < 1.0:
+    for contrast in sorted(contrasts, key=lambda contrast: contrast.upper / contrast.lower):
+        if contrast.lower > 1.0 or contrast.upper < 1.0:
             text.append(
-                f"Specimens with {own.group} have {own.ratio:.2f} times the {own.label} {own.parameter} of the others "
-                f"(95 %: {own.lower:.2f} to {own.upper:.2f})."
+                f"Specimens with {contrast.group} have {contrast.ratio:.2f} times the {contrast.label} "
+                f"{contrast.parameter} of the others (95 %: {contrast.lower:.2f} to {contrast.upper:.2f})."
             )
         else:
             silent.append(
-                f"{own.parameter} of {own.group}: {own.ratio:.2f} times ({own.lower:.2f} to {own.upper:.2f})"
+                f"{contrast.parameter} of {contrast.group}: {contrast.ratio:.2f} times "
+                f"({contrast.lower:.2f} to {contrast.upper:.2f})"
             )
     if silent:
         more = f"; and {len(silent) - _FOLDED} more" if len(silent) > _FOLDED else ""
@@ -417,8 +420,8 @@ def _groups(contrasts: Sequence[Contrast]) -> list[str]:
     return text
 
 
-def _scatter(found: PooledDiagnosis) -> str:
-    s = found.scales
+def _scatter(diagnosis: PooledDiagnosis) -> str:
+    s = diagnosis.scales
     return (
         f"From specimen to specimen G_f scatters by {percent(float(np.expm1(s['stiffness'])))} and d_f by "
         f"{percent(float(np.expm1(s['loss'])))}; beyond that and the noise the model is right to "
@@ -431,24 +434,28 @@ def _folded(names: Sequence[str]) -> str:
     return ", ".join(names[:_FOLDED]) + (f" and {rest} more" if rest > 0 else "")
 
 
-def contact_cells(own: SpecimenAnswer | ContactState) -> tuple[str, str]:
+def contact_cells(contact: SpecimenAnswer | ContactState) -> tuple[str, str]:
     """Return G_f and d_f as cells with their intervals; a dash where data tell nothing of it."""
     return (
-        f"{own.G_f.value:.0f} ({own.G_f.lower:.0f} to {own.G_f.upper:.0f})" if own.G_f else UNKNOWN,
-        f"{own.d_f.value:.2g} ({own.d_f.lower:.2g} to {own.d_f.upper:.2g})" if own.d_f else UNKNOWN,
+        f"{contact.G_f.value:.0f} ({contact.G_f.lower:.0f} to {contact.G_f.upper:.0f})"
+        if contact.G_f
+        else UNKNOWN,
+        f"{contact.d_f.value:.2g} ({contact.d_f.lower:.2g} to {contact.d_f.upper:.2g})"
+        if contact.d_f
+        else UNKNOWN,
     )
 
 
-def specimen_row(own: SpecimenAnswer) -> tuple[str, ...]:
+def specimen_row(specimen: SpecimenAnswer) -> tuple[str, ...]:
     """Return a specimen as cells: name, modes, G_f, d_f, errors before, after and left out, what is odd."""
     return (
-        own.name,
-        str(own.n_mode),
-        *contact_cells(own),
-        f"{100.0 * own.base_error:.2g}",
-        f"{100.0 * own.error:.2g}",
-        f"{100.0 * own.left_out_error:.2g}",
-        ", ".join(own.odd),
+        specimen.name,
+        str(specimen.n_mode),
+        *contact_cells(specimen),
+        f"{100.0 * specimen.base_error:.2g}",
+        f"{100.0 * specimen.error:.2g}",
+        f"{100.0 * specimen.left_out_error:.2g}",
+        ", ".join(specimen.odd),
     )
 
 

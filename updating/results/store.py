@@ -94,7 +94,7 @@ def read_result(path: Path, kind: type[T], *, edited: bool = False) -> T:
         message = f"{path}: expected a {kind.__name__}, found {document.get('kind')!r}"
         raise StoreError(message)
     try:
-        found = _CONVERTER.structure(document["result"], kind)
+        result = _CONVERTER.structure(document["result"], kind)
     except Exception as error:  # cattrs, pydantic and the types themselves raise what they like
         message = f"{path}: not a complete {kind.__name__}; write it anew with the command that made it"
         raise StoreError(message) from error
@@ -104,7 +104,7 @@ def read_result(path: Path, kind: type[T], *, edited: bool = False) -> T:
             "is with --keep"
         )
         raise StoreError(message)
-    return found
+    return result
 
 
 def read_current(
@@ -160,11 +160,11 @@ def kept(
     StoreError
         As in `write_result`.
     """
-    found = read_current(path, kind, inputs=inputs, options=options, keep=keep)
-    if found is None:
-        found = make()
-        write_result(path, found, inputs=inputs, options=options)
-    return found
+    result = read_current(path, kind, inputs=inputs, options=options, keep=keep)
+    if result is None:
+        result = make()
+        write_result(path, result, inputs=inputs, options=options)
+    return result
 
 
 def read_document(path: Path) -> dict[str, Any]:
@@ -247,9 +247,9 @@ def read_frf(path: Path) -> FRF:
 
 def versions() -> dict[str, str]:
     """Return the versions of this program, down to its files, and of what its numbers depend on."""
-    found = {name: version(name) for name in ("lamella", "numpy", "scipy")}
-    found["lamella"] += f"+{_code_digest()}"
-    return found
+    by_package = {name: version(name) for name in ("lamella", "numpy", "scipy")}
+    by_package["lamella"] += f"+{_code_digest()}"
+    return by_package
 
 
 def digest(result: object) -> str:

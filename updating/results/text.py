@@ -73,15 +73,15 @@ def percent(share: float) -> str:
 
 
 def quantity(value: float, unit: str, beside: float | None = None) -> str:
-    """Write a value with three digits in a unit that reads well, 5 g, 1.2 mm, 35 MPa, or in that of one `beside` it."""
+    """Write a value with three digits and a prefixed unit, such as 35 MPa, or with the unit of a value `beside` it."""
     if unit in ("", "1"):
         return _three(value)
     like = abs(value if beside is None else beside) or abs(value)
     if unit in _PREFIXED:
-        name, size = next((own for own in _PREFIXED[unit] if like < 1e3 * own[1]), _PREFIXED[unit][-1])
+        name, size = next((pair for pair in _PREFIXED[unit] if like < 1e3 * pair[1]), _PREFIXED[unit][-1])
         return f"{_three(value / size)} {name}"
     if unit[0] in "NP":
-        prefix, size = next((own for own in _PREFIXES if like >= own[1]), ("", 1.0))
+        prefix, size = next((pair for pair in _PREFIXES if like >= pair[1]), ("", 1.0))
         return f"{_three(value / size)} {prefix}{unit}"
     return f"{_three(value)} {unit}"
 

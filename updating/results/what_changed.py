@@ -143,7 +143,7 @@ class WhatChanged:
 
     def kind(self, name: str) -> KindOfChange:
         """Return a kind by its key."""
-        return next(own for own in self.kinds if own.name == name)
+        return next(kind for kind in self.kinds if kind.name == name)
 
 
 AXES = ("x", "y", "z")
@@ -151,61 +151,61 @@ SPREAD_OUT = 0.2
 """Standard deviation of a location, over the longer side of the plan, from which it is not said to be one location."""
 
 
-def sentences(found: WhatChanged) -> tuple[str, ...]:
+def sentences(what_changed: WhatChanged) -> tuple[str, ...]:
     """Say what changed between a state and its reference, where, and how large it is, in stiffness and in damping."""
-    return (*_in_stiffness(found), *_in_damping(found))
+    return (*_in_stiffness(what_changed), *_in_damping(what_changed))
 
 
-def _in_damping(found: WhatChanged) -> tuple[str, ...]:
-    left = [own for own in found.damping if own.name in found.damping_left]
+def _in_damping(what_changed: WhatChanged) -> tuple[str, ...]:
+    left = [kind for kind in what_changed.damping if kind.name in what_changed.damping_left]
     if not left:
         return ()
-    names = [own.label for own in left]
+    names = [kind.label for kind in left]
     text = (
         names[0] if len(left) == 1 else f"{', '.join(names[:-1])} or {names[-1]}; the data cannot tell which"
     )
     best = left[0]
     where = f", at x = {_mm(best.place[0])} ± {_mm(best.place_std[0])} mm" if best.local else ""
-    return (f"Damping of {found.name}: {text}. {_capital(best.label)}: {size_text(best)}{where}.",)
+    return (f"Damping of {what_changed.name}: {text}. {_capital(best.label)}: {size_text(best)}{where}.",)
 
 
 def _capital(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def _in_stiffness(found: WhatChanged) -> tuple[str, ...]:
-    head = f"{found.name}, what and where"
-    if found.verdict == "unchanged":
+def _in_stiffness(what_changed: WhatChanged) -> tuple[str, ...]:
+    head = f"{what_changed.name}, what and where"
+    if what_changed.verdict == "unchanged":
         return (
             f"{head}: nothing to place: no local change is likelier than the scatter of assembly "
-            f"({100 * found.scatter / np.sqrt(2.0):.2g} % of a frequency).",
+            f"({100 * what_changed.scatter / np.sqrt(2.0):.2g} % of a frequency).",
         )
-    if found.verdict == "too little to say":
+    if what_changed.verdict == "too little to say":
         return (
             f"{head}: changed, too little to say what or where: modes moved by more than they scatter, but no one "
             "change is likelier than that scatter by enough to be named.",
         )
-    if found.verdict == "unlike anything":
+    if what_changed.verdict == "unlike anything":
         return (
             f"{head}: changed, but unlike any change that is considered: the likeliest explains "
-            f"{100 * found.kinds[0].explained:.0f} % of what scatter leaves. There was more than one change, "
+            f"{100 * what_changed.kinds[0].explained:.0f} % of what scatter leaves. There was more than one change, "
             "or one of a kind that the list lacks.",
         )
-    left = [found.kind(name) for name in found.left]
-    lines = [_what(found, head, left)]
-    if any(own.local for own in left):
-        lines.append(_where(found))
-    lines += [_size(own) for own in left]
+    left = [what_changed.kind(name) for name in what_changed.left]
+    lines = [_what(what_changed, head, left)]
+    if any(kind.local for kind in left):
+        lines.append(_where(what_changed))
+    lines += [_size(kind) for kind in left]
     return tuple(lines)
 
 
-def _what(found: WhatChanged, head: str, left: Sequence[KindOfChange]) -> str:
-    names = [own.label for own in left]
+def _what(what_changed: WhatChanged, head: str, left: Sequence[KindOfChange]) -> str:
+    names = [kind.label for kind in left]
     if len(left) == 1:
         text = f"{head}: {names[0]}; all else that is considered is less likely by a factor of 100 and more."
     else:
         text = f"{head}: {', '.join(names[:-1])} or {names[-1]}; the data cannot tell which."
-    if found.verdict == "partly explained":
+    if what_changed.verdict == "partly explained":
         text += (
             f" That explains {100 * left[0].explained:.0f} % of what scatter leaves: there was more than one change, "
             "or one of a kind that the list lacks."
@@ -213,29 +213,32 @@ def _what(found: WhatChanged, head: str, left: Sequence[KindOfChange]) -> str:
     return text
 
 
-def _where(found: WhatChanged) -> str:
-    """Say where, by all kinds that are left, each as likely as it is."""
-    at = [AXES.index(name) for name in found.axes]
-    left = [own for own in (found.kind(name) for name in found.left) if own.local]
-    share = np.array([own.probability for own in left])
+def _where(what_changed: WhatChanged) -> str:
+    """Say where the change is, by all kinds that remain, each weighted by its probability."""
+    at = [AXES.index(name) for name in what_changed.axes]
+    left = [kind for kind in (what_changed.kind(name) for name in what_changed.left) if kind.local]
+    share = np.array([kind.probability for kind in left])
     share = share / share.sum()
-    mean = share @ np.array([own.place for own in left])
-    square = share @ np.array([np.square(own.place_std) + np.square(own.place) for own in left])
+    mean = share @ np.array([kind.place for kind in left])
+    square = share @ np.array([np.square(kind.place_std) + np.square(kind.place) for kind in left])
     cell = np.zeros(3)
-    cell[at[:2]] = _step(found.x), _step(found.y)
+    cell[at[:2]] = _step(what_changed.x), _step(what_changed.y)
     # to which locations are separated
     spread = np.sqrt(np.maximum(square - mean**2, 0.0) + (cell / (3.0 * np.sqrt(12.0))) ** 2)
-    if np.any(spread[at] > SPREAD_OUT * np.ptp(found.box, axis=1).max()):
-        i, j = np.unravel_index(int(np.argmax(found.map)), found.map.shape)
+    if np.any(spread[at] > SPREAD_OUT * np.ptp(what_changed.box, axis=1).max()):
+        i, j = np.unravel_index(int(np.argmax(what_changed.map)), what_changed.map.shape)
         return (
             f"Where: not known to better than {_mm(spread[at].max())} mm; the likeliest of all cells, at "
-            f"{found.axes[0]} = {_mm(found.x[i])} mm and {found.axes[1]} = {_mm(found.y[j])} mm, has a probability of "
-            f"{100 * found.map[i, j]:.0f} %."
+            f"{what_changed.axes[0]} = {_mm(what_changed.x[i])} mm and {what_changed.axes[1]} = "
+            f"{_mm(what_changed.y[j])} mm, has a probability of {100 * what_changed.map[i, j]:.0f} %."
         )
-    parts = [f"{name} = {_mm(mean[i])} ± {_mm(spread[i])} mm" for name, i in zip(found.axes, at, strict=True)]
-    for k, end in enumerate(found.ends):
-        parts[k] += f", {_mm(mean[at[k]] - found.box[k, 0])} mm from the {end}"
-    last = ", and " if found.ends else " and "
+    parts = [
+        f"{name} = {_mm(mean[i])} ± {_mm(spread[i])} mm"
+        for name, i in zip(what_changed.axes, at, strict=True)
+    ]
+    for k, end in enumerate(what_changed.ends):
+        parts[k] += f", {_mm(mean[at[k]] - what_changed.box[k, 0])} mm from the {end}"
+    last = ", and " if what_changed.ends else " and "
     return f"Where: {', '.join(parts[:-1])}{last}{parts[-1]} (one standard deviation)."
 
 
@@ -247,24 +250,24 @@ def _mm(value: float) -> str:
     return f"{1e3 * value:.0f}"
 
 
-def _size(own: KindOfChange) -> str:
-    """Say how large a change of a kind is, and where it then sits where that is a part of the structure."""
-    what = _capital(own.label)
+def _size(kind: KindOfChange) -> str:
+    """Say how large a change of a kind is, and in which part, direction or layer it is."""
+    what = _capital(kind.label)
     details = []
-    if own.part:
-        details.append(own.part)
-    if np.isfinite(own.angle) and own.name in ("crack", "stiffener"):
-        details.append(f"at {np.degrees(own.angle):.0f} degrees to the x axis")
-    if own.layer:
-        details.append(f"in the {own.layer}")
+    if kind.part:
+        details.append(kind.part)
+    if np.isfinite(kind.angle) and kind.name in ("crack", "stiffener"):
+        details.append(f"at {np.degrees(kind.angle):.0f} degrees to the x axis")
+    if kind.layer:
+        details.append(f"in the {kind.layer}")
     detail = f" ({', '.join(details)})" if details else ""
-    return f"{what}{detail}: {size_text(own)}, probability {own.probability:.2g}."
+    return f"{what}{detail}: {size_text(kind)}, probability {kind.probability:.2g}."
 
 
-def size_text(own: KindOfChange) -> str:
+def size_text(kind: KindOfChange) -> str:
     """Return the size of a change with its interval of 90 %."""
-    ends = f"{_number(own.lower, own.unit)} to {_number(own.upper, own.unit)}"
-    return f"{own.quantity} {_number(own.size, own.unit)} ({ends})"
+    ends = f"{_number(kind.lower, kind.unit)} to {_number(kind.upper, kind.unit)}"
+    return f"{kind.quantity} {_number(kind.size, kind.unit)} ({ends})"
 
 
 def _number(value: float, unit: str) -> str:
