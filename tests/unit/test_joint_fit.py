@@ -112,8 +112,13 @@ def holds(found, name, value, group=""):
     return own.interval[0] < value < own.interval[1]
 
 
-def test_planted_values_of_one_stack_are_found_and_lie_in_their_intervals(one):
-    found = fitted([one])
+@pytest.fixture(scope="module")
+def of_one(one):
+    return fitted([one])
+
+
+def test_planted_values_of_one_stack_are_found_and_lie_in_their_intervals(of_one):
+    found = of_one
     assert holds(found, "clamp_added_mass", MASS)
     assert holds(found, "exponent", EXPONENT)
     assert holds(found, "G_f", 1200.0, STACK.name)
@@ -130,14 +135,13 @@ def test_planted_values_of_one_stack_are_found_and_lie_in_their_intervals(one):
     assert std == pytest.approx([p.std for p in found.fit.parameter], rel=1e-6)
 
 
-def test_numbers_of_one_stack_are_those_of_a_diagnosis(one):
+def test_numbers_of_one_stack_are_those_of_a_diagnosis(one, of_one):
     every = [(), *((name,) for name in EFFECTS), tuple(EFFECTS)]
-    found = joint_fit("test", [one], EFFECTS, known={}, reduced=reduced)
-    answer = diagnose(one.stack, one.tested, EFFECTS, reduced=reduced, asked=every[1:])
-    assert repr(found.ledger) == repr(tuple(entry_of(answer.ranked(names)) for names in every))
+    answer = diagnose(one.stack, one.tested, EFFECTS, scatter=KNOWN, reduced=reduced, asked=every[1:])
+    assert repr(of_one.ledger) == repr(tuple(entry_of(answer.ranked(names)) for names in every))
     both = answer.ranked(tuple(EFFECTS))
     for p in both.parameter:
-        own = parameter(found, p.name)
+        own = parameter(of_one, p.name)
         assert (own.value, *own.interval) == pytest.approx((p.value, p.lower, p.upper), rel=1e-9)
 
 
@@ -158,13 +162,14 @@ def test_an_effect_can_be_each_stacks_own():
     )
 
 
-def test_a_prior_draws_an_estimate_and_what_is_fixed_is_no_parameter(one):
-    drawn = fitted([one], priors={"clamp_added_mass": (0.5, 1e-4)}, fixed={"G_f": 1100.0})
-    assert parameter(drawn, "clamp_added_mass").value == pytest.approx(0.5, abs=0.01)
-    assert "G_f" not in [p.name for p in drawn.fit.parameter]
-    fixed = fitted([one], fixed={"clamp_added_mass": MASS, "exponent": EXPONENT})
-    assert {p.name for p in fixed.fit.parameter} == {"G_f", "d_f"}
-    assert fixed.fit.error() < 2e-3
+def test_a_prior_draws_an_estimate_and_what_is_fixed_is_no_parameter(one, of_one):
+    found = fitted(
+        [one], priors={"clamp_added_mass": (0.33, 1e-4)}, fixed={"G_f": 1200.0, "exponent": EXPONENT}
+    )
+    assert parameter(of_one, "clamp_added_mass").value < 0.32
+    assert parameter(found, "clamp_added_mass").value == pytest.approx(0.33, abs=1e-3)
+    assert {p.name for p in found.fit.parameter} == {"clamp_added_mass", "d_f"}
+    assert found.fit.error() < 2e-3
 
 
 def test_an_estimate_at_its_bound_says_so(one):
