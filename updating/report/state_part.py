@@ -217,7 +217,7 @@ def beside_section(tested: Tested, change: Change, reference: Tested) -> Section
     ----------
     tested : Tested
         The state.
-    found : Change
+    change : Change
         What differs, and which modes are the same.
     reference : Tested
         The first configuration of its reference.

@@ -1,1 +1,1 @@
-"""The workbench: what a results folder holds, in a browser on this machine, with hands on it."""
+"""The workbench: the results of a folder in a browser on this machine, to look at and to work with."""

@@ -58,7 +58,7 @@ def frequencies_chart(tested: Tested, fit: ModelFit) -> str:
 
 
 def panel(server: Any, opened: Opened) -> None:
-    """Keep the panel's state right."""
+    """Set up the panel's state and what its controls call."""
     state = server.state
     state.update(
         {
@@ -88,21 +88,21 @@ def panel(server: Any, opened: Opened) -> None:
         say_pair(tested, fit, *first)
 
     def show_change(tested: Tested) -> None:
-        found, beside = tested.change, None
-        state.change_text = "" if found is None else f"{change_sentence(found)}."
+        change, beside = tested.change, None
+        state.change_text = "" if change is None else f"{change_sentence(change)}."
         state.what_changed = [] if tested.what_changed is None else list(tested.what_changed.sentences)
-        if found is not None:
-            table = change_table(found)
+        if change is not None:
+            table = change_table(change)
             state.change_head, state.change_rows = list(table.header), [list(row) for row in table.rows]
             beside = None if tested.reference is None else mean_chart(tested, tested.reference)
         state.has_functions_beside = beside is not None
         if beside is not None:
             state.change_functions = figure(beside)
-        if found is not None:
-            rows, columns = found.matrix_row, found.matrix_column
-            state.shifts = figure(shift_chart(found))
+        if change is not None:
+            rows, columns = change.matrix_row, change.matrix_column
+            state.shifts = figure(shift_chart(change))
             state.change_mac = figure(
-                mac_chart(found.mac_matrix, rows, columns, found.name, found.reference[0])
+                mac_chart(change.mac_matrix, rows, columns, change.name, change.reference[0])
             )
 
     @server.controller.set("show_pair")
@@ -129,16 +129,16 @@ def panel(server: Any, opened: Opened) -> None:
             return
         with state:
             state.locating = True
-        kind, sentence, found = await asyncio.to_thread(_located, tested, fit)
+        kind, sentence, errors = await asyncio.to_thread(_located, tested, fit)
         with state:
             state.locating, state.place_text = False, sentence
-            state.place = figure(map_chart(tested, fit, found, kind))
+            state.place = figure(map_chart(tested, fit, errors, kind))
 
 
 def _located(tested: Tested, fit: Fit) -> tuple[str, str, ErrorMap]:
-    """Return in which kind of stiffness a fit fails, what is said of it, and where."""
-    found = error_map(tested, fit)
-    return most_likely_kind(found), location_text(found), found
+    """Return the kind of stiffness in which a fit most likely fails, its description, and the map of the error."""
+    errors = error_map(tested, fit)
+    return most_likely_kind(errors), location_text(errors), errors
 
 
 def show(server: Any) -> None:

@@ -19,16 +19,16 @@ CHANGES = {
     "fit": "Grey: what is shown is of the fit before this one.",
     "diagnose": "Grey: what is shown is of the results before this diagnosis.",
 }
-"""Commands that put other results in the place of those that are shown, and what is said meanwhile."""
+"""Commands that replace the results that are shown, and the note that the page shows meanwhile."""
 
 _END = {0: "Done.", 130: "Stopped.", -signal.SIGTERM: "Stopped before it began."}
-"""What is said at the end of a command, by its exit code; one that is stopped says itself what is kept."""
+"""The note at the end of a command, by its exit code; a command that is stopped says itself what it keeps."""
 
 _STALE = "{ stale: stale }"
 
 
 def panel(server: Any, opened: Opened) -> None:
-    """Keep the panel's state right."""
+    """Set up the panel's state and what its controls call."""
     server.state.update(
         {
             "running": "", "said": [], "badge": "", "sentence": "", "sentences": [], "steps": empty(),
@@ -36,14 +36,14 @@ def panel(server: Any, opened: Opened) -> None:
             "has_changes": False, "stale": "", "remarks": [],
         }
     )  # fmt: skip
-    own = _Commands(server.state, opened)
+    commands = _Commands(server.state, opened)
     controller = server.controller
-    controller.fit = own.fit
-    controller.diagnose = own.diagnose
-    controller.add_found = own.add_found
-    controller.run_command = own.start
-    controller.stop = own.command.stop
-    own.refresh()
+    controller.fit = commands.fit
+    controller.diagnose = commands.diagnose
+    controller.add_found = commands.add_found
+    controller.run_command = commands.start
+    controller.stop = commands.command.stop
+    commands.refresh()
 
 
 class _Commands:
@@ -55,11 +55,13 @@ class _Commands:
     def refresh(self) -> None:
         """Show what the folder holds now."""
         state, results = self.state, self.opened.results()
-        first, own = opening(results), results.diagnosis
+        first, diagnosis = opening(results), results.diagnosis
         state.badge, state.sentence = first.badge, unbroken(first.sentence)
-        state.sentences = [] if own is None else [unbroken(text) for text in own.sentences]
+        state.sentences = [] if diagnosis is None else [unbroken(text) for text in diagnosis.sentences]
         state.found = (
-            [] if own is None or not own.set else [e for e in own.set[0] if e not in own.measurement]
+            []
+            if diagnosis is None or not diagnosis.set
+            else [e for e in diagnosis.set[0] if e not in diagnosis.measurement]
         )
         table = explanation_table(results)
         state.explanations = {"header": list(table.header), "rows": [list(row) for row in table.rows]}
@@ -76,18 +78,18 @@ class _Commands:
         self._run("fit")
 
     def diagnose(self) -> None:
-        """Say what the model lacks."""
+        """Run the diagnosis."""
         self._run("diagnose")
 
     def add_found(self) -> None:
-        """Add the effects that were found."""
+        """Add the effects that were identified."""
         self._run("fit", *(word for name in self.state.found for word in ("--effect", name)))
 
     def _run(self, what: str, *further: str) -> None:
         self.start([what, str(self.opened.campaign), "-o", str(self.opened.folder), *further])
 
     def start(self, words: Sequence[str]) -> None:
-        """Run `lamella` with some words."""
+        """Run `lamella` with these arguments."""
         self.state.running, self.state.said = words[0], []
         if words[0] in CHANGES:
             self.state.stale = CHANGES[words[0]]
@@ -149,7 +151,7 @@ def _answer() -> None:
 
 
 def log(controller: Any, suffix: str = "") -> None:
-    """Show what a command says, and the button that stops it; `suffix` makes their names those of one panel."""
+    """Show the output of a command and the button that stops it; `suffix` is added to their names, one a panel."""
     from trame.widgets import html, vuetify3
 
     with html.Div(v_if="running", classes="d-flex align-center ga-3 mt-2"):

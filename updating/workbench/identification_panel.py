@@ -48,7 +48,7 @@ def diagram_chart(tested: Tested, lines: FRF, order: int) -> str:
 
 
 def toggled(pole: NDArray[np.complex128], hertz: float, percent: float) -> NDArray[np.complex128]:
-    """Return chosen poles (rad/s) with one more, or without the one that is there already."""
+    """Return chosen poles (rad/s) with a further one, or without it where it is among them already."""
     new = pole_of(hertz, percent)
     near = _near(pole, new)
     return pole[~near] if near.any() else np.array(sorted([*pole, new], key=abs))
@@ -65,7 +65,7 @@ def _near(pole: NDArray[np.complex128], new: complex) -> NDArray[np.bool_]:
 
 
 def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple[str, str]:
-    """Draw the first function of a point with what the poles make of it, and the MAC of their shapes with each other.
+    """Draw the first function of a point with its fit at the poles, and the MAC of their shapes with each other.
 
     Residues are fitted at these poles to all functions at the first input (LSFD), as the identification begins.
     """
@@ -97,11 +97,11 @@ def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple
     return chart(traces, layout), mac_chart(likeness, frequency, frequency, "chosen", "chosen")
 
 
-def shape_of(tested: Tested, lines: FRF, pole: NDArray[np.complex128], own: complex) -> dict[str, Any]:
-    """Return the shape that a pole has beside the chosen ones, as the page of moving shapes takes it."""
-    others = pole[~_near(pole, own)]
-    fit = linear_fit(lines.frequency, lines.value[:, 0], np.array([*others, own]), lines.quantity)
-    hertz = abs(own) / (2.0 * np.pi)
+def shape_of(tested: Tested, lines: FRF, pole: NDArray[np.complex128], new: complex) -> dict[str, Any]:
+    """Return the shape of a pole, fitted together with the chosen ones, in the form of the page of moving shapes."""
+    others = pole[~_near(pole, new)]
+    fit = linear_fit(lines.frequency, lines.value[:, 0], np.array([*others, new]), lines.quantity)
+    hertz = abs(new) / (2.0 * np.pi)
     return shape_numbers(lone_shape(tested.measured.geometry, lines.output, fit.residue[:, -1], hertz))
 
 
@@ -172,7 +172,7 @@ _ORDERS = (10, 120)  # that can be asked for
 
 
 def panel(server: Any, opened: Opened) -> None:
-    """Keep the panel's state right."""
+    """Set up the panel's state and what its controls call."""
     server.state.update(
         {
             "stabilization": empty(), "poles": [], "synthesis": empty(), "auto_mac": empty(), "poles_text": "",
@@ -180,25 +180,25 @@ def panel(server: Any, opened: Opened) -> None:
             "runs": empty(), "has_runs": False,
         }
     )  # fmt: skip
-    own = _Picking(server, opened)
+    picking = _Picking(server, opened)
     controller = server.controller
-    controller.toggle_pole = own.toggle
-    controller.show_pole = own.show
-    controller.write_poles = own.write
-    controller.identify_again = own.identify
+    controller.toggle_pole = picking.toggle
+    controller.show_pole = picking.show
+    controller.write_poles = picking.write
+    controller.identify_again = picking.identify
 
     @server.state.change("panel", "configuration")
     def enter(panel: str, **_: Any) -> None:
         if panel == TITLE:
-            own.begin()
+            picking.begin()
 
     @server.state.change("point")
     def choose_point(**_: Any) -> None:
-        own.draw()
+        picking.draw()
 
     @server.state.change("band", "order")
     async def move_handle(**_: Any) -> None:
-        await own.settle()
+        await picking.settle()
 
 
 class _Picking:
@@ -250,7 +250,7 @@ class _Picking:
         return asked if asked is not None else highest_order(n_line)
 
     async def settle(self) -> None:
-        """Draw the chart anew once the handles of band and order rest."""
+        """Draw the chart again once the handles of band and order no longer move."""
         self._moves += 1
         mine = self._moves
         await asyncio.sleep(_REST)
@@ -288,15 +288,15 @@ class _Picking:
         return self._pole[(hertz >= self.state.band[0]) & (hertz <= self.state.band[1])]
 
     def draw(self) -> None:
-        """Show the poles, and what they stand for."""
+        """Show the poles in the chart and the list, the functions fitted at them, and their MAC."""
         if self._lines is None:
             return
         state, pole = self.state, self._inside()
         state.poles = [
             {"hertz": float(abs(p) / (2.0 * np.pi)), "percent": float(-100.0 * p.real / abs(p))} for p in pole
         ]
-        own = dict(state.stabilization)
-        kept = [s for s in own["layout"].get("shapes", []) if s.get("name") != "chosen"]
+        diagram = dict(state.stabilization)
+        kept = [s for s in diagram["layout"].get("shapes", []) if s.get("name") != "chosen"]
         marks = [
             {
                 "type": "line", "name": "chosen", "x0": p["hertz"], "x1": p["hertz"], "yref": "paper", "y0": 0.97,
@@ -305,8 +305,8 @@ class _Picking:
             for p in state.poles
         ]  # fmt: skip
         state.stabilization = {
-            **own,
-            "layout": {**own["layout"], "shapes": [*kept, *marks], "uirevision": str(state.band)},
+            **diagram,
+            "layout": {**diagram["layout"], "shapes": [*kept, *marks], "uirevision": str(state.band)},
         }
         if pole.size:
             synthesis, likeness = fitted_charts(self._lines, pole, state.point)
@@ -343,7 +343,7 @@ class _Picking:
         return words
 
     def _changed(self) -> bool:
-        """Whether band or order are others than those that the identification had."""
+        """Whether band or order differ from those of the identification."""
         if self._tested is None:
             return False
         return not np.allclose(self.state.band, self._tested.measured.band) or self.state.order != self._order

@@ -1,4 +1,4 @@
-"""The panel of the measurement: the points on the structure, their functions, and what was found about them."""
+"""The panel of the measurement: the points on the structure, their functions, and the findings about them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ def points_chart(tested: Tested, chosen: int) -> str:
     ends = np.array(
         [[row[int(a)], row[int(b)]] for a, b in geometry.line if int(a) in row and int(b) in row]
     ).reshape(-1, 2, 3)
-    doubtful = {point for own in tested.quality.verdicts if own.level != "pass" for point in own.point}
+    doubtful = {
+        point for verdict in tested.quality.verdicts if verdict.level != "pass" for point in verdict.point
+    }
     measured = tested.measured
     wires = [
         (ends, palette.QUIET, "lines"),
@@ -53,10 +55,12 @@ def points_chart(tested: Tested, chosen: int) -> str:
     traces: list[dict[str, Any]] = [
         {
             "type": "scatter3d", "mode": "lines", "name": name, "hoverinfo": "skip", "showlegend": False,
-            **dict(zip("xyz", (single(x) for x in np.insert(own, 2, np.nan, axis=1).reshape(-1, 3).T), strict=True)),
+            **dict(
+                zip("xyz", (single(x) for x in np.insert(segments, 2, np.nan, axis=1).reshape(-1, 3).T), strict=True)
+            ),
             "line": {"color": color, "width": 2},
         }
-        for own, color, name in wires
+        for segments, color, name in wires
     ]  # fmt: skip
     colour = [
         palette.MODES if n == chosen else palette.ACCENT if n in doubtful else palette.MEASURED
@@ -74,8 +78,8 @@ def points_chart(tested: Tested, chosen: int) -> str:
         f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": n, "showspikes": False}
         for a, n in (("x", 5), ("y", 2), ("z", 2))  # few along the short sides, where numbers would overlap
     }
-    every = np.concatenate([at, *(own.reshape(-1, 3) for own, _, _ in wires)])
-    span = np.ptp(every, axis=0)
+    corners = np.concatenate([at, *(segments.reshape(-1, 3) for segments, _, _ in wires)])
+    span = np.ptp(corners, axis=0)
     ratio = np.maximum(_LONG * span / span.max(), _THIN) if span.max() > 0.0 else np.ones(3)
     scene = {
         **axes,
@@ -117,11 +121,11 @@ def point_numbers(tested: Tested) -> list[int]:
 def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
     """Draw magnitude, phase and coherence of all functions of one point, with those of the modes over them."""
     lines, fitted = synthesized(frf, tested.measured)
-    own = [
+    pairs = [
         (int(o), i) for o in np.flatnonzero(lines.output.node == point) for i in range(lines.input.node.size)
     ]
     traces: list[dict[str, Any]] = []
-    for k, (o, i) in enumerate(own):
+    for k, (o, i) in enumerate(pairs):
         name, color = (
             f"{lines.output.name(o)} over {lines.input.name(i)}",
             palette.SERIES[k % len(palette.SERIES)],
@@ -162,24 +166,26 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
 
 
 def findings(tested: Tested, point: int) -> tuple[list[dict[str, str]], list[dict[str, str]]]:
-    """Return what was found about one point, and all else about the measurement, each with what its check looks at."""
+    """Return the findings about one point, and those about the rest, each with the meaning of its check."""
     about: list[dict[str, str]] = []
     others: list[dict[str, str]] = []
-    for own in tested.quality.verdicts:
-        if own.level != "pass":
-            (about if point in own.point else others).append({"text": own.text, "hint": meaning(own.check)})
+    for verdict in tested.quality.verdicts:
+        if verdict.level != "pass":
+            (about if point in verdict.point else others).append(
+                {"text": verdict.text, "hint": meaning(verdict.check)}
+            )
     return about, [*others, *({"text": note, "hint": NOTES} for note in tested.quality.notes)]
 
 
 def modes_rows(tested: Tested) -> list[dict[str, str]]:
     """Return the table of modes: frequency, damping, how complex each shape is, and whether it is too complex."""
-    m, found = tested.measured, complexity(tested.measured)
+    m, measures = tested.measured, complexity(tested.measured)
     return [
         {
             "mode": str(r + 1), "frequency": f"{m.frequency[r]:.2f}", "damping": f"{100 * m.damping[r]:.3g}",
-            "mpc": f"{found.mpc[r]:.3f}", "mpd": f"{found.mpd[r]:.1f}", "mcf": f"{found.mcf[r]:.3f}",
-            "scatter": f"{found.phase_scatter[r]:.1f}",
-            "finding": "too complex to be compared as real" if found.is_complex[r] else "",
+            "mpc": f"{measures.mpc[r]:.3f}", "mpd": f"{measures.mpd[r]:.1f}", "mcf": f"{measures.mcf[r]:.3f}",
+            "scatter": f"{measures.phase_scatter[r]:.1f}",
+            "finding": "too complex to be compared as real" if measures.is_complex[r] else "",
         }
         for r in range(m.frequency.size)
     ]  # fmt: skip
@@ -187,15 +193,16 @@ def modes_rows(tested: Tested) -> list[dict[str, str]]:
 
 def sources(frf: FRF, point: int, folder: Path) -> list[str]:
     """Return which file each function of a point comes from, those in the campaign's folder as seen from there."""
-    own = np.flatnonzero(frf.output.node == point)
+    outputs = np.flatnonzero(frf.output.node == point)
     here = f"{folder.resolve()}{os.sep}"
     return [
-        f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o].removeprefix(here)}" for o in own
+        f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o].removeprefix(here)}"
+        for o in outputs
     ]
 
 
 def panel(server: Any, opened: Opened) -> None:
-    """Keep the panel's state right."""
+    """Set up the panel's state and what its controls call."""
     state = server.state
     state.update(
         {

@@ -39,16 +39,16 @@ class Opened:
         return read_results(self.folder)
 
     def stated(self) -> Campaign:
-        """Read the campaign as the results have it."""
+        """Read the campaign that is stored with the results."""
         return read_result(self.folder / "campaign.json", Campaign)
 
     def tested(self, name: str) -> Tested:
         """Read one configuration as it is now."""
-        return next(own for own in self.results().tested if own.name == name)
+        return next(tested for tested in self.results().tested if tested.name == name)
 
 
 def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) -> Opened:
-    """Find what a path means: results, a campaign file, or a folder with one.
+    """Find the campaign and results that a path names: a results folder, a campaign file, or a folder with one.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ _PERIOD = "1"  # s between two lines of progress, of which the page shows the la
 
 
 def followed(lines: Sequence[str], line: str) -> list[str]:
-    """Return lines with a new one; of progress, which only tells the time and what work is at, the last one."""
+    """Return lines with a new one; of lines of progress, which only state the time and the step, keep the last one."""
     kept = lines[:-1] if lines and CLOCK.search(lines[-1]) and CLOCK.search(line) else lines
     return [*kept, line]
 
@@ -161,7 +161,7 @@ class Command:
         return self._process is not None
 
     async def run(self, words: Sequence[str], done: Callable[[int], Awaitable[None]]) -> None:
-        """Run `lamella` with some words and hand its exit code on."""
+        """Run `lamella` with these arguments and pass its exit code on."""
         if self.running:
             return
         self._process = await asyncio.create_subprocess_exec(

@@ -14,7 +14,7 @@ _KINDS = {"pdf": "PDF", "pptx": "slides (PPTX)", "gif": "moving shapes (GIF)"}
 
 
 def panel(server: Any, opened: Opened) -> None:
-    """Keep the panel's state right."""
+    """Set up the panel's state and what its controls call."""
     state = server.state
     state.update(
         {
@@ -25,17 +25,17 @@ def panel(server: Any, opened: Opened) -> None:
     @state.change("panel", "running")
     def enter(panel: str, **_: Any) -> None:
         if panel == TITLE:
-            every = list(titles(opened.results()))
-            kept = [own for own in state.asked_sections if own in every]
-            state.sections, state.asked_sections = every, kept or every
+            all_titles = list(titles(opened.results()))
+            kept = [title for title in state.asked_sections if title in all_titles]
+            state.sections, state.asked_sections = all_titles, kept or all_titles
 
     @server.controller.set("report")
     def report() -> None:
-        asked, every = state.asked_sections, state.sections
+        asked, all_titles = state.asked_sections, state.sections
         only = (
             []
-            if len(asked) == len(every)
-            else [word for own in every if own in asked for word in ("--only", own)]
+            if len(asked) == len(all_titles)
+            else [word for title in all_titles if title in asked for word in ("--only", title)]
         )
         kinds = [f"--{kind}" for kind in _KINDS if kind in state.with_kinds]
         server.controller.run_command(["report", str(opened.folder), *kinds, *only])

@@ -76,7 +76,9 @@ def guard(token: str, port: Callable[[], int], seen: Callable[[int], None]) -> A
     ) -> web.StreamResponse:
         name = f"lamella_{port()}"
         given = request.query.get("secret"), request.cookies.get(name)
-        known = any(secrets.compare_digest(own.encode(), token.encode()) for own in given if own is not None)
+        known = any(
+            secrets.compare_digest(secret.encode(), token.encode()) for secret in given if secret is not None
+        )
         if not known or request.host not in (f"{HOST}:{port()}", f"localhost:{port()}"):
             return web.Response(status=403, text="403: this address has no or a wrong token\n")
         if request.path == "/ws":
@@ -104,7 +106,7 @@ _STYLE = """
 .v-field-label { opacity: 1 !important; color: #42526b; }
 .stale { opacity: 0.78; filter: grayscale(1); }
 """
-"""Labels that are not grey on grey, and what is shown of results that others are about to replace."""
+"""Labels with enough contrast, and results in grey that a command is about to replace."""
 
 
 def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool) -> None:
@@ -160,7 +162,7 @@ def page(opened: Opened) -> Any:
     from trame.widgets import client, vuetify3
 
     results = opened.results()
-    names = [own.name for own in results.tested]
+    names = [tested.name for tested in results.tested]
     if not names:
         message = (
             f"{opened.folder}: a table of modes has no functions or shapes to open; make its page with: lamella report "
@@ -177,8 +179,8 @@ def page(opened: Opened) -> Any:
             "tabs": 1,
         }
     )
-    for own in PANELS:
-        own.panel(server, opened)
+    for panel in PANELS:
+        panel.panel(server, opened)
     with SinglePageLayout(server, full_height=True) as layout:
         client.Script((files("updating.report") / "rest.js").read_text(encoding="utf-8"))
         for name in ("history.js", "names.js"):
@@ -199,12 +201,12 @@ def page(opened: Opened) -> Any:
                 v_if="tabs > 1", type="info", density="compact", variant="tonal", classes="mb-2", id="tabs",
             )  # fmt: skip
             with vuetify3.VTabs(v_model=("panel",), show_arrows=True):
-                for own in PANELS:
-                    vuetify3.VTab(own.TITLE, value=own.TITLE, prepend_icon=own.ICON)
+                for panel in PANELS:
+                    vuetify3.VTab(panel.TITLE, value=panel.TITLE, prepend_icon=panel.ICON)
             with vuetify3.VWindow(v_model=("panel",), classes="pt-3"):
-                for own in PANELS:
+                for panel in PANELS:
                     with vuetify3.VWindowItem(
-                        value=own.TITLE, transition=("false",), reverse_transition=("false",)
+                        value=panel.TITLE, transition=("false",), reverse_transition=("false",)
                     ):
-                        own.show(server)
+                        panel.show(server)
     return server

@@ -1,4 +1,4 @@
-"""The model at values that sliders state: its modes beside the measured ones."""
+"""The model at the values of the sliders: its modes beside the measured ones."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Knob:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome:
-    """What the model does for some values, beside the measured modes that it can have.
+    """The model's modes for some values of its parameters, paired with the measured modes.
 
     Attributes
     ----------
@@ -122,14 +122,14 @@ class Tried:
 
 
 def explanation(results: Results, effects: Collection[str]) -> Ranked | None:
-    """Return what a diagnosis fitted with some effects; of its answer, with what else is in it."""
-    found = results.diagnosis
-    if found is None:
+    """Return the explanation that a diagnosis fitted with these effects; of its answer, with measurement faults."""
+    diagnosis = results.diagnosis
+    if diagnosis is None:
         return None
-    for names in found.set:
-        if set(names) - set(found.measurement) == set(effects):
-            return found.ranked(names)
-    return found.ranked(list(effects)) if found.has(list(effects)) else None
+    for names in diagnosis.set:
+        if set(names) - set(diagnosis.measurement) == set(effects):
+            return diagnosis.ranked(names)
+    return diagnosis.ranked(list(effects)) if diagnosis.has(list(effects)) else None
 
 
 def tried_model(
@@ -145,27 +145,27 @@ def tried_model(
     EffectError, FitError, PairingError, SolveError
         The stack cannot have an effect, or the measured points do not lie on it.
     """
-    known, own = find_effects(effects, catalogue()), explanation(results, effects)
-    if own is None or results.diagnosis is None or results.diagnosis.stack is None:
+    known, ranked = find_effects(effects, catalogue()), explanation(results, effects)
+    if ranked is None or results.diagnosis is None or results.diagnosis.stack is None:
         stack = stack_in_state(read_stack(stack_file), configuration)
         (made,) = prepare([target_of_modes(stack.with_effects(*known), tested.measured)])
         return Tried(prepared=made, natural=np.ones(1), ratio=np.ones(1))
     stated = results.diagnosis.stack
-    stack = explained_stack(stated, own, known, state=tested.name, pressure=tested.pressure)
+    stack = explained_stack(stated, ranked, known, state=tested.name, pressure=tested.pressure)
     plain = replace(stack, effects=(), effect_values={})
     (made,) = prepare([target_of_modes(plain.with_effects(*known), tested.measured)])
     modes = solve_every(made, explained_values(stack), ()).elastic()
-    ratio = finer_ratio(modes.frequency, own.modelled.get(tested.name, ()))
+    ratio = finer_ratio(modes.frequency, ranked.modelled.get(tested.name, ()))
     return Tried(prepared=made, natural=modes.frequency, ratio=ratio)
 
 
 def explained_values(stack: Stack) -> dict[str, float]:
-    """Return the values of everything that can be moved, as a stack has them."""
+    """Return the values of all parameters that can be changed in a stack."""
     return {"G_f": stack.contact.G_f, "d_f": stack.contact.d_f, **stack.effect_values}
 
 
 def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
-    """Return what can be moved: contact stiffness and damping, pressure, and the parameters of the effects."""
+    """Return the sliders: contact stiffness and damping, pressure, and the parameters of the effects."""
     contact = prepared.target.stack.contact
     low, high = (k * contact.pressure for k in _PRESSURES)
     first = [
@@ -176,7 +176,7 @@ def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
         ),
         Knob(name="pressure", unit="Pa", lower=low, upper=high, start=contact.pressure, logarithmic=True),
     ]  # fmt: skip
-    own = {p.name: p for effect in prepared.target.stack.effects for p in effect.parameters}
+    parameters = {p.name: p for effect in prepared.target.stack.effects for p in effect.parameters}
     return (
         *first,
         *(
@@ -184,7 +184,7 @@ def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
                 name=p.name, unit=p.unit, lower=p.lower, upper=p.upper, start=p.neutral,
                 logarithmic=p.scale == "log" and p.lower > 0.0 and p.neutral > 0.0,
             )
-            for p in own.values()
+            for p in parameters.values()
         ),
     )  # fmt: skip
 
@@ -192,9 +192,11 @@ def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
 def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
     """Solve the reduced model for some values of its parameters."""
     prepared = tried.prepared
-    every = solve_every(prepared, values, ())
-    every = replace(every, frequency=every.frequency * np.interp(every.frequency, tried.natural, tried.ratio))
-    modes = every.elastic()
+    solved = solve_every(prepared, values, ())
+    solved = replace(
+        solved, frequency=solved.frequency * np.interp(solved.frequency, tried.natural, tried.ratio)
+    )
+    modes = solved.elastic()
     column = partners(prepared, modes)
     mode = np.flatnonzero(prepared.used & (column >= 0))
     target = prepared.target
@@ -206,7 +208,7 @@ def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
         likeness=np.diag(likeness).copy(),
         mode=mode,
         error=frequency_error(measured, model),
-        modes=every,
+        modes=solved,
     )
 
 
@@ -215,17 +217,17 @@ def outcome_chart(before: Outcome, now: Outcome) -> str:
     names = [f"{m + 1}: {frequency_text(f, 0)} Hz" for m, f in zip(now.mode, now.measured, strict=True)]
     traces = [
         {
-            "type": "bar", "x": names, "y": (100.0 * (own.model / own.measured - 1.0)).tolist(), "name": name,
+            "type": "bar", "x": names, "y": (100.0 * (result.model / result.measured - 1.0)).tolist(), "name": name,
             "marker": {"color": color}, "hovertemplate": "%{y:+.2f} %",
         }
-        for own, name, color in ((before, "before", palette.BASE), (now, "now", palette.FOUND))
+        for result, name, color in ((before, "before", palette.BASE), (now, "now", palette.FOUND))
     ]  # fmt: skip
     traces += [
         {
-            "type": "scatter", "mode": "markers", "x": names, "y": own.likeness.tolist(), "yaxis": "y2",
+            "type": "scatter", "mode": "markers", "x": names, "y": result.likeness.tolist(), "yaxis": "y2",
             "marker": {"color": color, "size": 8}, "showlegend": False, "hovertemplate": "MAC %{y:.3f}", "name": name,
         }
-        for own, name, color in ((before, "before", palette.BASE), (now, "now", palette.FOUND))
+        for result, name, color in ((before, "before", palette.BASE), (now, "now", palette.FOUND))
     ]  # fmt: skip
     return chart(
         traces,
@@ -267,7 +269,7 @@ def response(modes: Modes, output: int, force: Observed, lines: FRF) -> NDArray[
 def response_chart(
     lines: FRF, output: int, before: NDArray[np.complex128], now: NDArray[np.complex128]
 ) -> str:
-    """Draw a measured function, and what the model made of it before and makes of it now."""
+    """Draw a measured function with that of the model before and now."""
     traces = [
         {
             "type": "scatter", "x": single(lines.frequency), "y": single(np.abs(value)), "name": name, "line": style,
@@ -308,13 +310,13 @@ def effect_choices(results: Results) -> list[dict[str, str]]:
     The page searches titles and subtitles, so that a family's name finds all of its effects.
     """
     known = catalogue()
-    found = identified_effects(results)
-    own = () if found is None else found.effects
+    addition = identified_effects(results)
+    identified = () if addition is None else addition.effects
     tried = _likeliest(results)
     order = sorted(
         known.values(),
         key=lambda e: (
-            e.name not in own,
+            e.name not in identified,
             tried.index(e.name) if e.name in tried else len(tried),
             e.family,
             e.label,
@@ -325,7 +327,7 @@ def effect_choices(results: Results) -> list[dict[str, str]]:
             "title": e.label,
             "value": e.name,
             "subtitle": ", ".join(
-                [e.family, *([FIRST] if e.name in own else [NEXT] if e.name in tried else [])]
+                [e.family, *([FIRST] if e.name in identified else [NEXT] if e.name in tried else [])]
             ),
         }
         for e in order
@@ -335,7 +337,7 @@ def effect_choices(results: Results) -> list[dict[str, str]]:
 def _likeliest(results: Results) -> list[str]:
     """Return the effects of the explanations that a diagnosis fitted, the most probable first."""
     ranking = () if results.diagnosis is None else results.diagnosis.ranking
-    return list(dict.fromkeys(name for own in ranking for name in own.effects))
+    return list(dict.fromkeys(name for ranked in ranking for name in ranked.effects))
 
 
 def slider_rows(knobs: Sequence[Knob], effects: Sequence[str]) -> list[dict[str, Any]]:
@@ -350,13 +352,13 @@ def slider_rows(knobs: Sequence[Knob], effects: Sequence[str]) -> list[dict[str,
             group.setdefault(parameter.name, f"{effect.label} ({effect.family})")
     rows: list[dict[str, Any]] = []
     last = ""
-    for own in knobs:
-        head = group.get(own.name, "")
+    for knob in knobs:
+        head = group.get(knob.name, "")
         rows.append(
             {
-                "name": own.name,
-                "step": own.step(own.start),
-                "text": own.text(own.start),
+                "name": knob.name,
+                "step": knob.step(knob.start),
+                "text": knob.text(knob.start),
                 "head": head if head != last else "",
             }
         )
@@ -365,13 +367,13 @@ def slider_rows(knobs: Sequence[Knob], effects: Sequence[str]) -> list[dict[str,
 
 
 def values_of(results: Results, configuration: str, effects: Sequence[str]) -> dict[str, float]:
-    """Return the values of everything that can be moved in a configuration, with effects as a diagnosis fitted them.
+    """Return the values of all parameters of a configuration, with effects as a diagnosis fitted them.
 
     Without a diagnosis, they are those of the ledger.
     """
-    own = explanation(results, effects)
-    if own is None or results.diagnosis is None or results.diagnosis.stack is None:
-        found = identified_effects(results)
-        return {} if found is None else dict(found.value)
+    ranked = explanation(results, effects)
+    if ranked is None or results.diagnosis is None or results.diagnosis.stack is None:
+        addition = identified_effects(results)
+        return {} if addition is None else dict(addition.value)
     known = find_effects(effects, catalogue())
-    return explained_values(explained_stack(results.diagnosis.stack, own, known, state=configuration))
+    return explained_values(explained_stack(results.diagnosis.stack, ranked, known, state=configuration))

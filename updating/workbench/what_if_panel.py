@@ -1,4 +1,4 @@
-"""The panel of what if: sliders for every parameter, and what the model then does beside the measurement."""
+"""The panel of what if: sliders for every parameter, and the model at their values beside the measurement."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _STALE = "{ stale: preparing }"  # what is shown is of another model meanwhile
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Shown:
-    """What is being tried: the model, what can be moved, the functions that were measured, and the base model."""
+    """What is being tried: the model, its sliders, the measured functions, and the base model."""
 
     tried: Tried
     knobs: tuple[Knob, ...]
@@ -55,7 +55,7 @@ class _Shown:
 
 
 def panel(server: Any, opened: Opened) -> None:
-    """Keep the panel's state right."""
+    """Set up the panel's state and what its controls call."""
     server.state.update(
         {
             "effect_list": [], "tried_effects": [], "sliders": [], "outcome": empty(), "outcome_text": "",
@@ -63,20 +63,20 @@ def panel(server: Any, opened: Opened) -> None:
             "fitted_text": "", "fitting": False, "can_be_set": False,
         }
     )  # fmt: skip
-    own = _WhatIf(server.state, opened)
-    server.controller.move = own.move
-    server.controller.fit_what_if = own.fit
-    server.controller.stop_what_if = own.command.stop
-    server.controller.set_to_answer = own.set_to_answer
+    what_if = _WhatIf(server.state, opened)
+    server.controller.move = what_if.move
+    server.controller.fit_what_if = what_if.fit
+    server.controller.stop_what_if = what_if.command.stop
+    server.controller.set_to_answer = what_if.set_to_answer
 
     @server.state.change("channel")
     def choose_channel(**_: Any) -> None:
-        own.draw_response()
+        what_if.draw_response()
 
     @server.state.change("panel", "configuration", "tried_effects")
     def enter(panel: str, **_: Any) -> None:
         if panel == TITLE:
-            asyncio.get_running_loop().create_task(own.begin())
+            asyncio.get_running_loop().create_task(what_if.begin())
 
 
 class _WhatIf:
@@ -93,7 +93,7 @@ class _WhatIf:
         self.command = Command(self._said)
 
     async def begin(self) -> None:
-        """Reduce the model in the background and put the sliders up."""
+        """Reduce the model in the background and show its sliders."""
         wanted = self.state.configuration, list(self.state.tried_effects)
         with self.state as state:
             state.preparing, state.what_if_text = True, "Reducing the model, which takes some seconds."
@@ -138,7 +138,7 @@ class _WhatIf:
 
     def _try(self, name: str, effects: list[str]) -> _Shown:
         campaign, results = read_campaign(self.opened.campaign), self.opened.results()
-        tested = next(own for own in results.tested if own.name == name)
+        tested = next(tested for tested in results.tested if tested.name == name)
         state, file = campaign.configuration(name), model_file(campaign, "what if")
         base = made = tried_model(results, tested, state, file, ())
         if effects:
@@ -160,19 +160,19 @@ class _WhatIf:
         """Put sliders at values, by the names of their parameters; the others stay."""
         if self._tried is None:
             return
-        sliders = [dict(own) for own in self.state.sliders]
-        for knob, own in zip(self._tried.knobs, sliders, strict=True):
+        sliders = [dict(slider) for slider in self.state.sliders]
+        for knob, slider in zip(self._tried.knobs, sliders, strict=True):
             if knob.name in values:
                 value = self._values[knob.name] = values[knob.name]
-                own |= {"step": knob.step(value), "text": knob.text(value)}
+                slider |= {"step": knob.step(value), "text": knob.text(value)}
         self.state.sliders = sliders
 
     async def set_to_answer(self) -> None:
         """Try the effects that were identified, with every slider at the value of the answer."""
         results = self.opened.results()
-        found = identified_effects(results)
-        if found is not None:
-            await self._set(results, found.effects)
+        addition = identified_effects(results)
+        if addition is not None:
+            await self._set(results, addition.effects)
 
     async def _set(self, results: Results, effects: Sequence[str]) -> None:
         """Try effects, with every slider at the value that a diagnosis, or the ledger, has."""
@@ -184,13 +184,13 @@ class _WhatIf:
             state.tried_effects = list(effects)  # which begins anew
 
     def move(self, index: int, step: float) -> None:
-        """Take a slider's place; what came before the picture was drawn is drawn once."""
+        """Take the new place of a slider; several moves before the next drawing are drawn once."""
         if self._tried is None or not 0 <= index < len(self._tried.knobs):
             return
         knob = self._tried.knobs[index]
         value = knob.value(step)
         self._values[knob.name] = value
-        sliders = [dict(own) for own in self.state.sliders]
+        sliders = [dict(slider) for slider in self.state.sliders]
         sliders[index] |= {"step": step, "text": knob.text(value)}
         self.state.sliders = sliders
         if not self._awaited:
@@ -228,8 +228,8 @@ class _WhatIf:
         ):
             return
         before, after = (
-            response(own.modes, output, force, tried.lines)
-            for own, force in ((tried.before, tried.before_force), (now, tried.force))
+            response(result.modes, output, force, tried.lines)
+            for result, force in ((tried.before, tried.before_force), (now, tried.force))
         )
         self.state.response = figure(response_chart(tried.lines, output, before, after))
 
@@ -266,17 +266,17 @@ class _WhatIf:
 
 def fitted_sentence(results: Results, effects: Sequence[str]) -> str:
     """Say what effects change, as a diagnosis fitted them: errors before and after, and parameters with intervals."""
-    own = explanation(results, effects)
-    if own is None or results.diagnosis is None:
+    ranked = explanation(results, effects)
+    if ranked is None or results.diagnosis is None:
         return ""
     base = results.diagnosis.ranked(())
     values = [
         f"{p.name} = {quantity(p.value, p.unit)} ({quantity(p.lower, p.unit)} to {quantity(p.upper, p.unit)})"
-        for p in own.parameter
+        for p in ranked.parameter
     ]
     fall = (
-        f"Mean frequency error {percent(base.frequency_error)} before and {percent(own.frequency_error)} after the "
-        f"fit, of modes left out {percent(base.left_out_error)} and {percent(own.left_out_error)}"
+        f"Mean frequency error {percent(base.frequency_error)} before and {percent(ranked.frequency_error)} after the "
+        f"fit, of modes left out {percent(base.left_out_error)} and {percent(ranked.left_out_error)}"
     )
     return f"{'; '.join([fall, *values])}."
 
