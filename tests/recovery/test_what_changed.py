@@ -67,7 +67,9 @@ def found(state, *reference):
 
 @measured
 @pytest.mark.parametrize(
-    ("state", "reference"), [("A2", ("A1",)), ("A3", ("A1", "A2")), ("B8", ("B7",))], ids=["A2", "A3", "B8"]
+    ("state", "reference"),
+    [pytest.param("A2", ("A1",), marks=pytest.mark.slow), ("A3", ("A1", "A2")), ("B8", ("B7",))],
+    ids=["A2", "A3", "B8"],
 )
 def test_of_a_plate_that_has_not_changed_nothing_is_named(state, reference):
     answer = found(state, *reference)
@@ -77,7 +79,9 @@ def test_of_a_plate_that_has_not_changed_nothing_is_named(state, reference):
 
 
 @measured
-@pytest.mark.parametrize(("state", "length"), [("C60", 0.060), ("C140", 0.140)])
+@pytest.mark.parametrize(
+    ("state", "length"), [("C60", 0.060), pytest.param("C140", 0.140, marks=pytest.mark.slow)]
+)
 def test_a_cut_is_less_stiffness_beside_the_middle_of_the_clamp(state, length):
     answer = found(state, *REFERENCE)
     assert answer.verdict == "one of"
