@@ -113,8 +113,8 @@ def _verdict(found: Diagnosis) -> str:
     if found.verdict == "unlike anything":
         return (
             "Something is missing that is unlike anything in the catalogue. The model's frequencies are off by "
-            f"{percent(base.frequency_error)} in the mean, and with none of the effects that were tried does it "
-            "predict better what it was not fitted to."
+            f"{percent(base.frequency_error)} in the mean, and none of the effects that were tried lets it predict "
+            "better what it was not fitted to and agrees with what is known."
         )
     own, share = found.ranked(found.set[0]), f"{100.0 * found.explained:.0f} %"
     what = named(found, own.effects)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Literal
 
@@ -43,31 +44,34 @@ def decide(found: Search) -> Decision:
 
     Named is what `search` chose, where every step is told apart and predicts better. Beside it stand explanations of
     as many terms or fewer that are nearly as probable and predict better than the base model, too. Nothing is missing
-    where the base model is as right as models are and what is known of its nuisances bears that out.
+    where the base model is as right as models are and what is known of its nuisances bears that out; an explanation
+    is whole where the same holds of it.
     """
     own = found.chosen
     large = too_large(own, found.setting.priors)
     if not own.terms:
-        empty: Verdict = "unlike anything" if large or own.apart or _pulled(found) else "nothing missing"
+        empty: Verdict = (
+            "unlike anything" if large or own.apart or _pulled(own, found.freed) else "nothing missing"
+        )
         return Decision(verdict=empty, left=(), steps=(own,), too_large=large)
     left = _left(found)
     large = too_large(left[0], found.setting.priors)
-    partly = large or left[0].apart
+    partly = large or left[0].apart or _pulled(left[0], found.freed)
     verdict: Verdict = "partly explained" if partly else "identified" if len(left) == 1 else "one of"
     return Decision(verdict=verdict, left=left, steps=_steps(found, left[0]), too_large=large)
 
 
-def _pulled(found: Search) -> bool:
-    """Tell whether the base model pulls a prior far that no term could widen: where one could, odds have decided.
+def _pulled(explanation: Explanation, freed: Collection[str]) -> bool:
+    """Tell whether an explanation pulls a prior far that no term could widen: where one could, odds have decided.
 
     Of more coordinates than one stack has some are pulled farther by chance.
     """
-    base = found.base
-    far = -float(scipy.special.ndtri(scipy.special.ndtr(-PULLED) * min(1.0, _USUAL / base.n_nuisance)))
+    n = explanation.n_nuisance
+    far = -float(scipy.special.ndtri(scipy.special.ndtr(-PULLED) * min(1.0, _USUAL / n)))
     return any(
         abs(x) > far * c.std
-        for c, x in zip(base.coordinates[: base.n_nuisance], base.x, strict=False)
-        if c.name not in found.freed
+        for c, x in zip(explanation.coordinates[:n], explanation.x, strict=False)
+        if c.name not in freed
     )
 
 

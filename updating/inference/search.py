@@ -144,7 +144,8 @@ def better(new: Prediction, old: Prediction) -> bool:
     Errors of frequencies and of damping ratios are compared where modes, and where states, are left out. One must fall,
     and that of frequencies of left-out modes may not rise, nor be so large that nothing is predicted; that of left-out
     states is for the most part what assembly does to each. What explains a difference between two states cannot be
-    predicted from one of them: there it is the pull that tells.
+    predicted from one of them: there it is the pull that tells. What pulls a known quantity far, and farther than
+    before, contradicts what is known: it stands in for something else.
     """
     falls = False
     for after, before in ((new.mode, old.mode), (new.state, old.state)):
@@ -153,6 +154,8 @@ def better(new: Prediction, old: Prediction) -> bool:
             falls |= bool(a < FALLS * b and b - a > matters)
     b, a = old.mode.beside(new.mode, "frequency"), new.mode.frequency
     if a > PREDICTS or (a > RISES * b and a - b > 0.1 * FREQUENCY_MATTERS):
+        return False
+    if new.pull > max(PULLED, old.pull):
         return False
     return falls or (old.pull > PULLED and new.pull < RELEASED * old.pull)
 
