@@ -23,7 +23,7 @@ from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import diagnose
 from updating.inference.explain import Explanation, coordinates_of, explain
 from updating.pooled.diagnosis import concluded, specimens_model
-from updating.pooled.search import Found, begin, searched
+from updating.pooled.search import PooledSearch, begin, searched
 from updating.pooled.specimen import Specimen
 from updating.results.pooled import PooledDiagnosis
 
@@ -181,7 +181,7 @@ def solved(
     return replace(case, alone=bool(first.set) and case.truth in first.set[0])
 
 
-def _shows(found: Found, case: PooledCase) -> bool:
+def _shows(found: PooledSearch, case: PooledCase) -> bool:
     """Tell whether the planted effect, at its own level, lowers the errors of those that have it to `SHOWN`."""
     name = next(
         name
@@ -197,7 +197,7 @@ def _shows(found: Found, case: PooledCase) -> bool:
     return any(b < SHOWN * a for a, b in zip(before, after, strict=True))
 
 
-def _errors(found: Found, own: Explanation, members: Sequence[int]) -> tuple[float, float]:
+def _errors(found: PooledSearch, own: Explanation, members: Sequence[int]) -> tuple[float, float]:
     errors = [own.errors[c] for s in members for c in found.model.states_of[s]]
     return (
         float(np.mean(np.abs(np.expm1(-np.concatenate([e.frequency for e in errors]))))),

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 class MaterialSection(Section):
-    """What is other about a specimen's steel than the stack file says."""
+    """What a specimen's steel has other than the stack file states."""
 
     young_GPa: float | None = Field(default=None, gt=0, le=1e3)
     poisson: float | None = Field(default=None, gt=-1, lt=0.5)
@@ -99,7 +99,7 @@ class SpecimenConfigurationSection(Section):
 
 
 class SpecimenSection(Section):
-    """One specimen: what its stack has of its own, notes, and configurations."""
+    """One specimen: what its stack has other than that of the rig, notes, and configurations."""
 
     name: str
     compare_to: FileNames = ()
@@ -185,14 +185,16 @@ def read_specimens(path: Path) -> SpecimenCampaign:
     content = read_form(path, SpecimensFile, FitError)
     _require_unique(path, content)
     folder = path.resolve().parent
-    files = [folder / (own.stack or content.structure.stack) for own in content.specimen]
-    stacks = tuple(_stack(path, file, own) for file, own in zip(files, content.specimen, strict=True))
+    files = [folder / (specimen.stack or content.structure.stack) for specimen in content.specimen]
+    stacks = tuple(
+        _stack(path, file, specimen) for file, specimen in zip(files, content.specimen, strict=True)
+    )
     listed = content.points is not None and content.points.file is not None
     geometry = geometry_of(path, folder, content.points)[0] if content.points is not None and listed else None
     sources = [
         folder / str(name)
-        for own in content.specimen
-        for c in own.configuration
+        for specimen in content.specimen
+        for c in specimen.configuration
         for name in (c.modal_model, c.modes, c.shapes)
         if name is not None
     ]
@@ -229,34 +231,38 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
     # With parts of a diagnosis, which nobody waits for who only asks what a file is.
     from updating.pooled.classed import Classes
 
-    found, of_classes = [], Classes()
-    for stack, own in zip(campaign.stacks, campaign.content.specimen, strict=True):
+    specimens, of_classes = [], Classes()
+    for stack, specimen in zip(campaign.stacks, campaign.content.specimen, strict=True):
         tested = []
-        for c in own.configuration:
+        for c in specimen.configuration:
             state = stack if c.pressure_kPa is None else stack.with_contact(pressure=1e3 * c.pressure_kPa)
             modes = (
-                identified(full_name(own, c)) if c.measured else _tabled(campaign, stack, own, c, of_classes)
+                identified(full_name(specimen, c))
+                if c.measured
+                else _tabled(campaign, stack, specimen, c, of_classes)
             )
             tested.append((c.name, state.contact.pressure, modes))
-        found.append(Specimen(name=own.name, stack=stack, tested=tuple(tested), notes=dict(own.notes)))
-    return tuple(found)
+        specimens.append(
+            Specimen(name=specimen.name, stack=stack, tested=tuple(tested), notes=dict(specimen.notes))
+        )
+    return tuple(specimens)
 
 
-def full_name(own: SpecimenSection, configuration: SpecimenConfigurationSection) -> str:
+def full_name(specimen: SpecimenSection, configuration: SpecimenConfigurationSection) -> str:
     """Return what a configuration is called among those of all specimens."""
-    return f"{own.name} {configuration.name}"
+    return f"{specimen.name} {configuration.name}"
 
 
 def _tabled(
     campaign: SpecimenCampaign,
     stack: Stack,
-    own: SpecimenSection,
+    specimen: SpecimenSection,
     c: SpecimenConfigurationSection,
     of_classes: Classes,
 ) -> ModalModel:
     """Return modes that were identified before."""
-    folder, name = campaign.path.resolve().parent, full_name(own, c)
-    of = {"specimen": own.name, "configuration": c.name}
+    folder, name = campaign.path.resolve().parent, full_name(specimen, c)
+    of = {"specimen": specimen.name, "configuration": c.name}
     if c.modal_model is not None:
         try:
             return read_result(folder / c.modal_model, ModalModel, edited=True)
@@ -273,27 +279,27 @@ def _tabled(
     return modal_model(name, of, modes, folder / c.shapes, campaign.geometry, c.force)
 
 
-def _stack(path: Path, file: Path, own: SpecimenSection) -> Stack:
-    """Return the stack of a specimen: that of its file with what it states of its own."""
+def _stack(path: Path, file: Path, specimen: SpecimenSection) -> Stack:
+    """Return the stack of a specimen: that of its file with the values that the specimen states."""
     stack = read_stack(file)
     steel = {
         name: value
         for name, value in (
-            ("young", None if own.material.young_GPa is None else 1e9 * own.material.young_GPa),
-            ("poisson", own.material.poisson),
-            ("density", own.material.density_kg_m3),
-            ("transverse_ratio", own.material.transverse_ratio),
-            ("shear_ratio", own.material.shear_ratio),
+            ("young", None if specimen.material.young_GPa is None else 1e9 * specimen.material.young_GPa),
+            ("poisson", specimen.material.poisson),
+            ("density", specimen.material.density_kg_m3),
+            ("transverse_ratio", specimen.material.transverse_ratio),
+            ("shear_ratio", specimen.material.shear_ratio),
         )
         if value is not None
     }
     changes: dict[str, Any] = {"material": replace(stack.material, **steel)}
-    changes |= {} if own.height_mm is None else {"height": 1e-3 * own.height_mm}
-    changes |= {} if own.n_lamina is None else {"n_lamina": own.n_lamina}
+    changes |= {} if specimen.height_mm is None else {"height": 1e-3 * specimen.height_mm}
+    changes |= {} if specimen.n_lamina is None else {"n_lamina": specimen.n_lamina}
     try:
         return replace(stack, **changes)
     except StackError as error:
-        message = f"{path}: specimen {own.name!r}: {error}"
+        message = f"{path}: specimen {specimen.name!r}: {error}"
         raise StackError(message) from error
 
 
@@ -301,8 +307,8 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
     """Return the campaign of the configurations that are given as FRFs."""
     sections = tuple(
         ConfigurationSection.model_construct(
-            name=full_name(own, c),
-            stack=own.name,
+            name=full_name(specimen, c),
+            stack=specimen.name,
             torque_Nm=c.torque_Nm,
             pressure_kPa=c.pressure_kPa,
             files=c.files,
@@ -310,8 +316,8 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
             input=c.input,
             run=c.run,
         )
-        for own in content.specimen
-        for c in own.configuration
+        for specimen in content.specimen
+        for c in specimen.configuration
         if c.measured
     )
     if not sections:
@@ -337,17 +343,20 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
 
 
 def _require_unique(path: Path, content: SpecimensFile) -> None:
-    names = [own.name for own in content.specimen]
+    names = [specimen.name for specimen in content.specimen]
     if len(set(names)) < len(names):
         message = f"{path}: specimen: names must be unique, found {', '.join(names)}"
         raise FitError(message)
     faults = [f"{path}: specimen {fault}" for fault in reference_faults(content.specimen)]
     if faults:
         raise FitError("\n".join(faults))
-    for own in content.specimen:
-        states = [c.name for c in own.configuration]
+    for specimen in content.specimen:
+        states = [c.name for c in specimen.configuration]
         if len(set(states)) < len(states):
-            message = f"{path}: specimen {own.name!r}: configuration: names must be unique, found {', '.join(states)}"
+            there = ", ".join(states)
+            message = (
+                f"{path}: specimen {specimen.name!r}: configuration: names must be unique, found {there}"
+            )
             raise FitError(message)
 
 
@@ -359,7 +368,7 @@ def _require_files(path: Path, files: list[Path]) -> None:
             message = f"{path}: {str(file)[:120]}: {error.strerror}"
             raise FitError(message) from error
         if not there_is:
-            there = sorted(other.name for other in file.parent.glob("*")) if file.parent.is_dir() else []
+            there = sorted(sibling.name for sibling in file.parent.glob("*")) if file.parent.is_dir() else []
             hint = did_you_mean(file.name, there) if there else f"there is no folder {file.parent}"
             message = f"{path}: {file} is not there; {hint}"
             raise FitError(message)

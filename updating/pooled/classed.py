@@ -22,13 +22,13 @@ Vector = NDArray[np.float64]
 CLASS_STD = 0.1
 """Standard deviation of each modal coordinate of a shape that stands for a class: a mode of a class resembles the
 model's, MAC 0.9 with some ten modes that it may be mixed with, and what it is mixed with is not known."""
-_EVERY = 4
-"""Every so many stations along the length, which do to tell classes apart."""
+_STATION_STEP = 4
+"""One in so many stations along the length, enough to distinguish classes."""
 _UP = Dof(0, (0.0, 0.0, 1.0))
 
 
 class Classes:
-    """Models of stacks that tell what modes of a class look like: one for all that are nearly as high."""
+    """Models of stacks that show what modes of a class look like: one for all that are nearly as high."""
 
     def __init__(self) -> None:
         self._known: dict[str, ReducedSystem] = {}
@@ -67,7 +67,7 @@ class Classes:
             absent = ", ".join(c for c, k in zip(wanted, column, strict=True) if k < 0)
             message = f"{name}: the model of {stack.name} has no mode of class {absent}"
             raise FitError(message)
-        upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::_EVERY].ravel()
+        upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::_STATION_STEP].ravel()
         node, n = grid.node[upwards], upwards.size
         shape = modes.shape[np.ix_(upwards, column)]
         shape = shape / np.abs(shape).max(axis=0)

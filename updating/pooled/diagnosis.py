@@ -25,10 +25,10 @@ from updating.inference.search import Search
 from updating.pooled.groups import groups_of
 from updating.pooled.parts import part_of
 from updating.pooled.scoped import label_of
-from updating.pooled.search import Found, asked, begin, searched
+from updating.pooled.search import PooledSearch, asked, begin, searched
 from updating.pooled.specimen import Specimen, levels_of
 from updating.pooled.specimens_model import SpecimensModel
-from updating.pooled.states import Contacts, contrasts_of, far_off, modes_told
+from updating.pooled.states import Contacts, contrasts_of, far_off, mode_answers
 from updating.results.pooled import (
     Part,
     PooledDiagnosis,
@@ -97,7 +97,7 @@ def fit_specimens(
     executor: Executor | None = None,
     reduced: Callable[..., CandidateModel] = candidate_model,
 ) -> PooledDiagnosis:
-    """Fit effects of the rig to all its specimens, each with contact parameters of its own, as a diagnosis does it.
+    """Fit effects of the rig to all its specimens, each with its contact parameters, as a diagnosis does it.
 
     Parameters
     ----------
@@ -156,34 +156,34 @@ def specimens_model(
 class _Judged:
     """An explanation with its errors where specimens, and where states, are left out."""
 
-    own: Explanation
+    fit: Explanation
     specimen: LeftOut
     state: LeftOut
 
 
 def concluded(
-    name: str, found: Found, impossible: Mapping[str, str], verdict: PooledVerdict | None = None
+    name: str, pooled: PooledSearch, impossible: Mapping[str, str], verdict: PooledVerdict | None = None
 ) -> PooledDiagnosis:
     """Return the answer that a search comes to; the verdict too, where none is given."""
-    model, results = found.model, found.search
-    every = sorted(results.fitted.values(), key=results.odds, reverse=True)
+    model, results = pooled.model, pooled.search
+    fits = sorted(results.fitted.values(), key=results.odds, reverse=True)
     if verdict is None:
         decision = decide(results)
         verdict, left = decision.verdict, list(decision.left)
     else:
-        left = [own for own in every if own.terms][:1]
+        left = [fit for fit in fits if fit.terms][:1]
     first = left[0] if left else results.base
-    rest = [own for own in every[:_RANKED] if own not in left and own is not results.base]
+    rest = [fit for fit in fits[:_RANKED] if fit not in left and fit is not results.base]
     order = [*left, *sorted([*rest, results.base], key=results.odds, reverse=True)]
     if not left:
-        order = sorted({id(own): own for own in order}.values(), key=results.odds, reverse=True)
-    odds = np.array([results.odds(own) for own in order])
+        order = sorted({id(fit): fit for fit in order}.values(), key=results.odds, reverse=True)
+    odds = np.array([results.odds(fit) for fit in order])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
-    judged = [_judged(own) for own in order]
-    of = {id(own.own): own for own in judged}
-    off = [far_off(model, own) for own in (results.base, first)]
-    kept = {own.name for own in off[1]}
+    judged = [_judged(fit) for fit in order]
+    by_fit = {id(item.fit): item for item in judged}
+    off = [far_off(model, fit) for fit in (results.base, first)]
+    kept = {c.name for c in off[1]}
     middle = first.evidence.moments(results.setting.priors)[0]
     tree = results.setting.tree
     assert tree is not None
@@ -192,11 +192,11 @@ def concluded(
         name=name,
         verdict=verdict,
         ranking=tuple(
-            _ranked(model, results, own, float(chance))
-            for own, chance in zip(judged, probability, strict=True)
+            _ranked(model, results, item, float(chance))
+            for item, chance in zip(judged, probability, strict=True)
         ),
         left=max(len(left), 1),
-        specimens=tuple(_specimens(model, contacts, results.base, of[id(first)])),
+        specimens=tuple(_specimens(model, contacts, results.base, by_fit[id(first)])),
         contrasts=tuple(contrasts_of(model, first)),
         scales={
             "frequency": middle.stiffness / float(np.sqrt(2.0)),
@@ -206,53 +206,53 @@ def concluded(
             **dict(zip(("rig", "specimen", "state"), tree.shares, strict=True)),
         },
         not_visible=tuple(
-            sorted(n for n, reach in found.reach.items() if n in model.first.effects and reach < VISIBLE)
+            sorted(n for n, reach in pooled.reach.items() if n in model.first.effects and reach < VISIBLE)
         ),
         impossible=dict(impossible),
-        relieved=tuple(strained([own for own in off[0] if own.name not in kept])) if left else (),
+        relieved=tuple(strained([c for c in off[0] if c.name not in kept])) if left else (),
         strained=tuple(strained(off[1])),
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))
 
 
-def _judged(own: Explanation) -> _Judged:
-    return _Judged(own=own, specimen=left_out(own, "specimen"), state=left_out(own, "state"))
+def _judged(fit: Explanation) -> _Judged:
+    return _Judged(fit=fit, specimen=left_out(fit, "specimen"), state=left_out(fit, "state"))
 
 
 def _ranked(model: SpecimensModel, results: Search, judged: _Judged, probability: float) -> PooledRanked:
-    own = judged.own
+    fit = judged.fit
     several = [c for states in model.states_of if len(states) > 1 for c in states]
     return PooledRanked(
-        parts=_parts(model, results, own),
-        log_odds=results.odds(own),
+        parts=_parts(model, results, fit),
+        log_odds=results.odds(fit),
         probability=probability,
-        frequency_error=_error(own, range(len(own.errors))),
-        left_out_error=_mean(judged.specimen, range(len(own.errors))),
+        frequency_error=_error(fit, range(len(fit.errors))),
+        left_out_error=_mean(judged.specimen, range(len(fit.errors))),
         left_out_torque_error=_mean(judged.state, several),
     )
 
 
-def _parts(model: SpecimensModel, results: Search, own: Explanation) -> tuple[Part, ...]:
-    """Return the terms of an explanation with what each brings beside the others."""
-    found = []
-    for name in own.terms:
-        rest = frozenset(own.terms) - {name}
+def _parts(model: SpecimensModel, results: Search, fit: Explanation) -> tuple[Part, ...]:
+    """Return the terms of an explanation, each with its gain beside the others."""
+    parts = []
+    for name in fit.terms:
+        rest = frozenset(fit.terms) - {name}
         without = results.fitted.get(rest)
-        log_odds = results.odds(own) - results.odds(without) if without else float("nan")
-        found.append(part_of(model, own, name, label_of(model.first, model.meant[name].effect), log_odds))
-    return tuple(found)
+        log_odds = results.odds(fit) - results.odds(without) if without else float("nan")
+        parts.append(part_of(model, fit, name, label_of(model.first, model.meant[name].effect), log_odds))
+    return tuple(parts)
 
 
-def _error(own: Explanation, states: Sequence[int]) -> float:
+def _error(fit: Explanation, states: Sequence[int]) -> float:
     """Return the mean relative error of the frequencies of some states."""
-    log = np.concatenate([own.errors[c].frequency for c in states])
+    log = np.concatenate([fit.errors[c].frequency for c in states])
     return float(np.mean(np.abs(np.expm1(-log))))
 
 
-def _mean(found: LeftOut, states: Sequence[int]) -> float:
+def _mean(predicted: LeftOut, states: Sequence[int]) -> float:
     """Return the mean magnitude of the errors of frequencies of some states; NaN of none."""
-    errors = found.errors["frequency"][np.isin(found.state, list(states))]
+    errors = predicted.errors["frequency"][np.isin(predicted.state, list(states))]
     errors = errors[np.isfinite(errors)]
     return float(np.mean(np.abs(errors))) if errors.size else float("nan")
 
@@ -261,15 +261,15 @@ def _specimens(
     model: SpecimensModel, contacts: Contacts, base: Explanation, judged: _Judged
 ) -> list[SpecimenAnswer]:
     """Return what is said of each specimen."""
-    own, found = judged.own, []
+    fit, answers = judged.fit, []
     alone = {
-        s: [model.meant[n].effect for n in own.terms if model.meant[n].level.members == (s,)]
+        s: [model.meant[n].effect for n in fit.terms if model.meant[n].level.members == (s,)]
         for s in range(len(model.specimens))
     }
     for s, specimen in enumerate(model.specimens):
         states = model.states_of[s]
         G_f, d_f = contacts.of_specimen(s)
-        found.append(
+        answers.append(
             SpecimenAnswer(
                 name=specimen.name,
                 notes=dict(specimen.notes),
@@ -277,11 +277,11 @@ def _specimens(
                 G_f=G_f,
                 d_f=d_f,
                 base_error=_error(base, states),
-                error=_error(own, states),
+                error=_error(fit, states),
                 left_out_error=_mean(judged.specimen, states),
                 odd=tuple(alone[s]),
                 states=tuple(contacts.of_state(c) for c in states),
-                modes=modes_told(model, base, own, states),
+                modes=mode_answers(model, base, fit, states),
             )
         )
-    return found
+    return answers

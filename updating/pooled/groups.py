@@ -40,7 +40,7 @@ class Group:
     members : tuple of int
         Places of the specimens.
     model : StackModel
-        Of all their states, specimen by specimen; what is a state's own is named by its configuration.
+        Of all their states, specimen by specimen; what belongs to one state is named by its configuration.
     first : tuple of int
         The first state of each specimen, and behind them the number of states.
     start : (2,) float
@@ -87,18 +87,18 @@ def groups_of(
     for members in alike:
         _LOG.info("the model of %s", ", ".join(specimens[i].name for i in members))
     make = partial(_candidates, specimens, effects, reduced)
-    single = len(alike) == 1  # then its own parts are made beside each other
+    single = len(alike) == 1  # then the executor takes its parts
     models = [make(alike[0], executor)] if single else list(distribute(make, alike, executor, MESSAGES))
-    possible = [name for name in effects if all(name in own.effects for own in models)]
-    found = [
-        _group(specimens, own, members, scatter or DiagnosisScatter())
-        for own, members in zip(models, alike, strict=True)
+    possible = [name for name in effects if all(name in candidates.effects for candidates in models)]
+    grouped = [
+        _group(specimens, candidates, members, scatter or DiagnosisScatter())
+        for candidates, members in zip(models, alike, strict=True)
     ]
-    silent = {name: why for _, reasons in found for name, why in reasons.items()}
+    silent = {name: why for _, reasons in grouped for name, why in reasons.items()}
     kept = [name for name in possible if name not in silent]
-    n_equation = max(own.model.n_equation for own, _ in found)
-    groups = tuple(replace(own, model=_with(own.model, kept, n_equation)) for own, _ in found)
-    return groups, {**{n: why for own in models for n, why in own.impossible.items()}, **silent}
+    n_equation = max(group.model.n_equation for group, _ in grouped)
+    groups = tuple(replace(group, model=_with(group.model, kept, n_equation)) for group, _ in grouped)
+    return groups, {**{n: why for candidates in models for n, why in candidates.impossible.items()}, **silent}
 
 
 def _candidates(
@@ -141,8 +141,8 @@ def _group(
         first.append(len(tested))
     start = (evidence.start["G_f"], evidence.start["d_f"])
     model = StackModel(candidates, tested, observation, scatter, evidence.effects, start=start[0])
-    found = Group(members=tuple(members), model=model, first=tuple(first), start=start)
-    return found, {n: why for n, why in evidence.impossible.items() if n not in candidates.impossible}
+    group = Group(members=tuple(members), model=model, first=tuple(first), start=start)
+    return group, {n: why for n, why in evidence.impossible.items() if n not in candidates.impossible}
 
 
 def _with(model: StackModel, names: Sequence[str], n_equation: int) -> StackModel:
@@ -162,7 +162,7 @@ def _with(model: StackModel, names: Sequence[str], n_equation: int) -> StackMode
 def _alike(specimens: Sequence[Specimen]) -> list[list[int]]:
     """Return which specimens share a model, by height ascending: their stacks differ by `ALIKE` of height at most."""
     groups: list[list[int]] = []
-    key = [_key(own) for own in specimens]
+    key = [_key(specimen) for specimen in specimens]
     for i in sorted(range(len(specimens)), key=lambda i: (key[i], specimens[i].stack.height)):
         height = specimens[i].stack.height
         last = groups[-1][0] if groups else -1
@@ -173,15 +173,15 @@ def _alike(specimens: Sequence[Specimen]) -> list[list[int]]:
     return groups
 
 
-def _key(own: Specimen) -> str:
-    """Return what tells the models of two stacks apart, but for their height."""
-    stack: Stack = replace(own.stack, name="", height=own.stack.width)
-    instruments = instruments_of(own.tested[0][2])
+def _key(specimen: Specimen) -> str:
+    """Return what distinguishes the models of two stacks, but for their height."""
+    stack: Stack = replace(specimen.stack, name="", height=specimen.stack.width)
+    instruments = instruments_of(specimen.tested[0][2])
     x, y, z = instruments.shaker
     place = (round(x, _PLACE), round(y, _PLACE), z > 0.0)
     return digest({"stack": stack, "shaker": place, "sensors": len(instruments.sensor)})
 
 
-def height_ratio(own: Specimen, model: StackModel) -> float:
+def height_ratio(specimen: Specimen, model: StackModel) -> float:
     """Return the logarithm of a specimen's stated height over that of the model that it shares."""
-    return float(np.log(own.stack.height / model.stack.height))
+    return float(np.log(specimen.stack.height / model.stack.height))

@@ -69,8 +69,8 @@ def joint_fit(
     settings : FitSettings, optional
         What is known of parameters beforehand, who shares them, and which modes are held out.
     labels : sequence of str, optional
-        What configurations are called, stack by stack; by default by their names, after those of the stacks where they
-        would not be told apart.
+        What configurations are called, stack by stack; by default by their names, after those of the stacks where
+        names repeat.
     known : mapping of str to Effect, optional
         What else one stack may lack, beside which effects are judged as a diagnosis does it; the catalogue by default.
     levels : mapping of str to AtLevel, optional
@@ -91,9 +91,9 @@ def joint_fit(
         message = "nothing to fit: no configuration was identified"
         raise FitError(message)
     labels = tuple(labels or _labels(specimens))
-    n_mode = [modes.frequency.size for own in specimens for _, _, modes in own.tested]
+    n_mode = [modes.frequency.size for specimen in specimens for _, _, modes in specimen.tested]
     settings.require(effects, dict(zip(labels, n_mode, strict=True)))
-    moved = [replace(own, stack=settings.stack(own.stack)) for own in specimens]
+    moved = [replace(specimen, stack=settings.stack(specimen.stack)) for specimen in specimens]
     kept = [
         ~np.isin(np.arange(n), list(settings.hold_out.get(label, ())))
         for label, n in zip(labels, n_mode, strict=True)
@@ -101,16 +101,16 @@ def joint_fit(
     asked_for = Asked(tuple(effects), dict(effects), settings, tuple(kept))
     if len(moved) == 1:
         others = catalogue() if known is None else known
-        fits, ledger = _of_one(moved[0], asked_for, others, levels, executor, reduced)
+        fitted, ledger = _of_one(moved[0], asked_for, others, levels, executor, reduced)
     else:
-        fits, ledger = _of_several(moved, asked_for, executor, reduced)
-    if not damped(fits.own):
+        fitted, ledger = _of_several(moved, asked_for, executor, reduced)
+    if not damped(fitted.fit):
         nan = float("nan")
         ledger = tuple(
             replace(entry, damping_error=nan, mode_damping_error=nan, configuration_damping_error=nan)
             for entry in ledger
         )
-    return Updated(name=name, fit=joint_answer(fits, labels, ledger[-1], settings), ledger=ledger)
+    return Updated(name=name, fit=joint_answer(fitted, labels, ledger[-1], settings), ledger=ledger)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,23 +131,23 @@ class Asked:
     @property
     def held(self) -> bool:
         """Whether modes are held out."""
-        return not all(own.all() for own in self.kept)
+        return not all(mask.all() for mask in self.kept)
 
     def of(self, tested: Sequence[Tested]) -> tuple[Tested, ...]:
         """Return configurations with what of them takes part."""
         if not self.held and self.settings.damping:
             return tuple(tested)
         return tuple(
-            replace(own, modes=some_of(own.modes, kept, damping=self.settings.damping))
-            for own, kept in zip(tested, self.kept, strict=True)
+            replace(test, modes=some_of(test.modes, kept, damping=self.settings.damping))
+            for test, kept in zip(tested, self.kept, strict=True)
         )
 
 
 def _labels(specimens: Sequence[Specimen]) -> list[str]:
-    names = [name for own in specimens for name, _, _ in own.tested]
+    names = [name for specimen in specimens for name, _, _ in specimen.tested]
     if len(set(names)) == len(names):
         return names
-    return [f"{own.name}/{name}" for own in specimens for name, _, _ in own.tested]
+    return [f"{specimen.name}/{name}" for specimen in specimens for name, _, _ in specimen.tested]
 
 
 def _of_one(
@@ -158,7 +158,7 @@ def _of_one(
     executor: Executor | None,
     reduced: Callable[..., CandidateModel],
 ) -> tuple[Fitted, tuple[Entry, ...]]:
-    """Fit one stack as a diagnosis does it; what is said of effects' parameters comes in when they were found."""
+    """Fit one stack as a diagnosis does it; settings of effects' parameters apply once these were found."""
     settings = given.settings
     candidates, evidence, _ = beside_model(
         specimen.stack,
@@ -171,18 +171,18 @@ def _of_one(
     )
     _require_possible(given.names, evidence.impossible)
     used = replace(evidence, tested=given.of(evidence.tested))
-    model, found, _ = searched(candidates, used, given.combinations, settings.of_base)
-    decision = decide(found)
-    first = decision.left[0] if decision.left else found.base
+    model, search, _ = searched(candidates, used, given.combinations, settings.of_base)
+    decision = decide(search)
+    first = decision.left[0] if decision.left else search.base
     if settings.tells(given.effects):
-        told = model.with_effects(settings.effects(given.effects), settings)
+        informed = model.with_effects(settings.effects(given.effects), settings)
         fitted = {
-            own.terms: told_again(model, told, own, found.setting, settings)
-            for own in (found.fitted[frozenset(names)] for names in given.combinations)
+            fit.terms: refit(model, informed, fit, search.setting, settings)
+            for fit in (search.fitted[frozenset(names)] for names in given.combinations)
         }
-        model, found = told, replace(found, fitted={frozenset(n): own for n, own in fitted.items()})
-    ranking = {own.effects: own for own in rank(model, found, first, tuple(found.fitted.values()))}
-    ranked = [next(own for e, own in ranking.items() if set(e) == set(names)) for names in given.combinations]
+        model, search = informed, replace(search, fitted={frozenset(n): fit for n, fit in fitted.items()})
+    ranking = {row.effects: row for row in rank(model, search, first, tuple(search.fitted.values()))}
+    ranked = [next(row for e, row in ranking.items() if set(e) == set(names)) for names in given.combinations]
     whole = StackModel(
         candidates,
         evidence.tested,
@@ -196,8 +196,8 @@ def _of_one(
     fits = Fitted(
         model=model,
         whole=whole if given.held else None,
-        own=found.fitted[frozenset(given.names)],
-        common=found.setting,
+        fit=search.fitted[frozenset(given.names)],
+        common=search.setting,
         kept=given.kept,
         paired=True,
     )
@@ -210,11 +210,11 @@ def _of_several(
     executor: Executor | None,
     reduced: Callable[..., CandidateModel],
 ) -> tuple[Fitted, tuple[Entry, ...]]:
-    """Fit several stacks as a campaign of specimens, each effect as the rig's or as every stack's own."""
-    found = fit_several(specimens, given, given.combinations, executor=executor, reduced=reduced)
-    sizes = found[-1].own.evidence.sizes
-    return found[-1], tuple(
-        entry_of_several(names, one, sizes) for names, one in zip(given.combinations, found, strict=True)
+    """Fit several stacks as a campaign of specimens, each effect with one value for the rig or one for each stack."""
+    fits = fit_several(specimens, given, given.combinations, executor=executor, reduced=reduced)
+    sizes = fits[-1].fit.evidence.sizes
+    return fits[-1], tuple(
+        entry_of_several(names, fit, sizes) for names, fit in zip(given.combinations, fits, strict=True)
     )
 
 
@@ -255,30 +255,30 @@ def fit_several(
     )
     _require_possible(given.names, impossible)
     begun = begin(_with_modes(whole, given), priors_of(settings.scatter))
-    found = []
+    fits = []
     for names in combinations:
         terms = [
             term
             for n in names
             for term in ([f"{n}@{s.name}" for s in specimens] if settings.apart(given.effects[n]) else [n])
         ]
-        one = asked(begun, terms)
-        model, own = one.model, one.search.chosen
+        pooled = asked(begun, terms)
+        model, fit = pooled.model, pooled.search.chosen
         if settings.tells({n: given.effects[n] for n in names}):
-            told = _with_effects(model, settings.effects(given.effects), settings)
-            own, model = told_again(model, told, own, one.search.setting, settings), told
-        found.append(
+            informed = _with_effects(model, settings.effects(given.effects), settings)
+            fit, model = refit(model, informed, fit, pooled.search.setting, settings), informed
+        fits.append(
             Fitted(
                 model=model,
                 whole=_with_effects(whole, model.first.effects, model.first.settings) if given.held else None,
-                own=own,
-                common=one.search.setting,
+                fit=fit,
+                common=pooled.search.setting,
                 kept=given.kept,
                 paired=False,
-                classed=tuple(own.classed for own in specimens for _ in own.tested),
+                classed=tuple(specimen.classed for specimen in specimens for _ in specimen.tested),
             )
         )
-    return found
+    return fits
 
 
 def _require_possible(names: Sequence[str], impossible: Mapping[str, str]) -> None:
@@ -293,7 +293,7 @@ def _with_modes(model: SpecimensModel, given: Asked) -> SpecimensModel:
         return model
     groups = []
     for g, group in enumerate(model.groups):
-        kept = {c: given.kept[i] for i, (_, own, c) in enumerate(model.place) if own == g}
+        kept = {c: given.kept[i] for i, (_, index, c) in enumerate(model.place) if index == g}
         part = Asked(given.names, given.effects, given.settings, tuple(kept[c] for c in range(len(kept))))
         groups.append(
             replace(group, model=group.model.of_tests(part.of(group.model.tested), group.model.observation))
@@ -304,77 +304,77 @@ def _with_modes(model: SpecimensModel, given: Asked) -> SpecimensModel:
 def _with_effects(
     model: SpecimensModel, effects: Mapping[str, Effect], settings: FitSettings
 ) -> SpecimensModel:
-    """Return the model of specimens with effects of which something is said."""
+    """Return the model of specimens with effects whose parameters have settings."""
     groups: list[Group] = [
-        replace(own, model=own.model.with_effects(effects, settings)) for own in model.groups
+        replace(group, model=group.model.with_effects(effects, settings)) for group in model.groups
     ]
     return model.with_groups(groups)
 
 
-def told_again(
+def refit(
     model: StackModel | SpecimensModel,
-    told: StackModel | SpecimensModel,
-    own: Explanation,
+    informed: StackModel | SpecimensModel,
+    fit: Explanation,
     common: Setting,
     settings: FitSettings,
 ) -> Explanation:
-    """Fit an explanation again, with what is said of the parameters of its effects.
+    """Fit an explanation again, with the settings of its effects' parameters.
 
     Parameters
     ----------
-    model, told
-        The model without and with it.
-    own : Explanation
-        A fit without.
+    model, informed
+        The model without and with these settings.
+    fit : Explanation
+        The fit without.
     common : Setting
         What fits share.
     settings : FitSettings
-        What is said.
+        What is known of the parameters.
     """
-    if not own.terms:
-        return own
-    terms = [told.terms[name] for name in own.terms]
-    coordinates = coordinates_of(told, terms)
-    have = {c.name: float(x) for c, x in zip(own.coordinates, own.x, strict=True)}
+    if not fit.terms:
+        return fit
+    terms = [informed.terms[name] for name in fit.terms]
+    coordinates = coordinates_of(informed, terms)
+    have = {c.name: float(x) for c, x in zip(fit.coordinates, fit.x, strict=True)}
     starts = [np.array([have[c.name] for c in coordinates])]
-    for i, c in enumerate(coordinates[own.n_nuisance :], own.n_nuisance):
+    for i, c in enumerate(coordinates[fit.n_nuisance :], fit.n_nuisance):
         local = c.name.partition("@")[0]
         value = scaled(model.parameters[local], have[c.name])[0]
-        p = told.parameters[local]
+        p = informed.parameters[local]
         starts[0][i] = coordinate_of(p, float(np.clip(value, p.lower, p.upper)))
     if settings.start:
         begins = [c.name.partition("@")[0] in settings.start for c in coordinates]
         starts.append(np.where(begins, [c.starts[0] for c in coordinates], starts[0]))
-    common = replace(common, apart=own.apart)
-    fits = [explain(told, terms, common, x, sizes=own.evidence.sizes) for x in starts]
+    common = replace(common, apart=fit.apart)
+    fits = [explain(informed, terms, common, x, sizes=fit.evidence.sizes) for x in starts]
     return max(fits, key=lambda fit: fit.log_evidence)
 
 
-def entry_of(own: Ranked) -> Entry:
+def entry_of(ranked: Ranked) -> Entry:
     """Return the line of the ledger of an explanation of one stack."""
     return Entry(
-        effects=own.effects,
-        error=own.frequency_error,
-        mode_error=own.left_out_error,
-        configuration_error=own.left_out_configuration_error,
-        damping_error=own.damping_error,
-        mode_damping_error=own.left_out_damping_error,
-        configuration_damping_error=own.left_out_configuration_damping_error,
-        chi_square=own.misfit,
-        n_residual=own.n_residual,
-        shared=own.parameter,
-        strained=tuple(strained(own.strained)),
+        effects=ranked.effects,
+        error=ranked.frequency_error,
+        mode_error=ranked.left_out_error,
+        configuration_error=ranked.left_out_configuration_error,
+        damping_error=ranked.damping_error,
+        mode_damping_error=ranked.left_out_damping_error,
+        configuration_damping_error=ranked.left_out_configuration_damping_error,
+        chi_square=ranked.misfit,
+        n_residual=ranked.n_residual,
+        shared=ranked.parameter,
+        strained=tuple(strained(ranked.strained)),
     )
 
 
-def entry_of_several(names: Sequence[str], found: Fitted, sizes: Sizes) -> Entry:
+def entry_of_several(names: Sequence[str], fitted: Fitted, sizes: Sizes) -> Entry:
     """Return the line of the ledger of a fit of several stacks, `sizes` of the discrepancy being those of another."""
-    model, own = found.model, found.own
+    model, fit = fitted.model, fitted.fit
     assert isinstance(model, SpecimensModel)
-    frequency = np.concatenate([e.frequency for e in own.errors])
-    damping = np.concatenate([e.damping for e in own.errors])
-    modes, configurations = left_out(own), configurations_left_out(model, own)
-    held = np.isfinite([c.std for c in own.coordinates])
+    frequency = np.concatenate([e.frequency for e in fit.errors])
+    damping = np.concatenate([e.damping for e in fit.errors])
+    modes, configurations = left_out(fit), configurations_left_out(model, fit)
+    held = np.isfinite([c.std for c in fit.coordinates])
     return Entry(
         effects=tuple(names),
         error=mean_error(frequency),
@@ -383,15 +383,15 @@ def entry_of_several(names: Sequence[str], found: Fitted, sizes: Sizes) -> Entry
         damping_error=mean_error(damping[np.isfinite(damping)]),
         mode_damping_error=_mean(modes, "damping"),
         configuration_damping_error=_mean(configurations, "damping"),
-        chi_square=own.problem.weighed(sizes).misfit + float(np.sum(own.pulls[held] ** 2)),
-        n_residual=frequency.size * own.errors[0].value.shape[1] + own.problem.damping.size,
+        chi_square=fit.problem.weighed(sizes).misfit + float(np.sum(fit.pulls[held] ** 2)),
+        n_residual=frequency.size * fit.errors[0].value.shape[1] + fit.problem.damping.size,
         shared=tuple(
-            estimate_of(model, own, c.name) for c in own.coordinates[own.n_nuisance :] if not is_pinned(c)
+            estimate_of(model, fit, c.name) for c in fit.coordinates[fit.n_nuisance :] if not is_pinned(c)
         ),
-        strained=tuple(strained(far_off(model, own))),
+        strained=tuple(strained(far_off(model, fit))),
     )
 
 
-def _mean(found: LeftOut, kind: Kind) -> float:
-    errors = np.abs(found.errors[kind])
+def _mean(predicted: LeftOut, kind: Kind) -> float:
+    errors = np.abs(predicted.errors[kind])
     return float(np.nanmean(errors)) if np.isfinite(errors).any() else float("nan")

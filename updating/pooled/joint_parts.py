@@ -1,4 +1,4 @@
-"""Parts of what a joint fit says: its parameters with covariance, and each configuration beside the model."""
+"""Parts of the answer of a joint fit: its parameters with covariance, and each configuration beside the model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from updating.results.text import Z95
 
 Vector = NDArray[np.float64]
 UNITS = {"G_f": "Pa/Pa", "d_f": "s/Pa"}
-_TOLD = 4.0  # variance of the logarithm of a damping ratio, above which it does not take part
+_MEASURED = 4.0  # variance of the logarithm of a damping ratio, above which it does not take part
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,22 +40,22 @@ class Fitted:
         With the modes that take part.
     whole : StackModel, SpecimensModel or None
         With those that are held out as well; none where there are none.
-    own : Explanation
+    fit : Explanation
         The fit.
     common : Setting
         What it shares with others.
     kept : tuple of (n_mode,) bool
         Modes that take part, by configuration.
     paired : bool
-        Whether errors of frequencies are told of pairs of modes; else each measured mode is told beside the mixture of
-        the model's that it is.
+        Whether errors of frequencies are those of paired modes; else each measured mode stands beside the mixture of
+        the model's modes that it resembles.
     classed : tuple of bool
         Whether the shapes of a configuration stand for classes; of none by default.
     """
 
     model: StackModel | SpecimensModel
     whole: StackModel | SpecimensModel | None
-    own: Explanation
+    fit: Explanation
     common: Setting
     kept: tuple[NDArray[np.bool_], ...]
     paired: bool
@@ -67,17 +67,17 @@ class Fitted:
         return self.model.first if isinstance(self.model, SpecimensModel) else self.model
 
 
-def damped(own: Explanation) -> bool:
-    """Tell whether any damping ratio took part in a fit."""
-    return bool(np.any(np.diag(own.problem.damping_noise) < _TOLD))
+def damped(fit: Explanation) -> bool:
+    """Return whether any damping ratio took part in a fit."""
+    return bool(np.any(np.diag(fit.problem.damping_noise) < _MEASURED))
 
 
-def joint_answer(found: Fitted, labels: Sequence[str], entry: Entry, settings: FitSettings) -> JointFit:
+def joint_answer(fitted: Fitted, labels: Sequence[str], entry: Entry, settings: FitSettings) -> JointFit:
     """Return what a fit says.
 
     Parameters
     ----------
-    found : Fitted
+    fitted : Fitted
         The fit.
     labels : sequence of str
         What configurations are called.
@@ -86,35 +86,35 @@ def joint_answer(found: Fitted, labels: Sequence[str], entry: Entry, settings: F
     settings : FitSettings
         What was known of its parameters.
     """
-    own = found.own
-    parameter, covariance = parameters_of(found, labels, settings)
-    middle = own.evidence.moments(found.common.priors)[0]
+    fit = fitted.fit
+    parameter, covariance = parameters_of(fitted, labels, settings)
+    middle = fit.evidence.moments(fitted.common.priors)[0]
     return JointFit(
         effect=entry.effects,
         parameter=parameter,
         covariance=covariance,
-        moved=_moved(found),
+        moved=_moved(fitted),
         discrepancy=Sizes(
             frequency=middle.stiffness / float(np.sqrt(2.0)),
-            damping=middle.damping if damped(own) else float("nan"),
+            damping=middle.damping if damped(fit) else float("nan"),
         ),
         chi_square=entry.chi_square,
         n_residual=entry.n_residual,
-        configuration=_configurations(found, labels, settings),
-        course=np.array(own.course),
+        configuration=_configurations(fitted, labels, settings),
+        course=np.array(fit.course),
     )
 
 
 def parameters_of(
-    found: Fitted, labels: Sequence[str], settings: FitSettings
+    fitted: Fitted, labels: Sequence[str], settings: FitSettings
 ) -> tuple[tuple[FittedParameter, ...], Vector]:
     """Return the parameters of a fit, and their covariance, (n_parameter, n_parameter); see `joint_answer`."""
-    own = found.own
-    quantities = [*_contact(found, labels, settings), *_ratios(found, settings), *_effects(found)]
-    by = np.array([q.row(own) for q in quantities]).reshape(len(quantities), own.x.size)
-    covariance = by @ _covariance(own) @ by.T
+    fit = fitted.fit
+    quantities = [*_contact(fitted, labels, settings), *_ratios(fitted, settings), *_effects(fitted)]
+    by = np.array([q.row(fit) for q in quantities]).reshape(len(quantities), fit.x.size)
+    covariance = by @ _covariance(fit) @ by.T
     std = np.sqrt(np.diag(covariance))
-    return tuple(q.fitted(own, float(s), settings) for q, s in zip(quantities, std, strict=True)), covariance
+    return tuple(q.fitted(fit, float(s), settings) for q, s in zip(quantities, std, strict=True)), covariance
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,26 +127,26 @@ class _Quantity:
     at: tuple[int, ...]
     of: Callable[[float], tuple[float, float]]
 
-    def row(self, own: Explanation) -> Vector:
+    def row(self, fit: Explanation) -> Vector:
         """Return the derivatives by the coordinates, (n_coordinate,)."""
-        found = np.zeros(own.x.size)
-        found[list(self.at)] = self.of(float(own.x[list(self.at)].sum()))[1]
-        return found
+        derivative = np.zeros(fit.x.size)
+        derivative[list(self.at)] = self.of(float(fit.x[list(self.at)].sum()))[1]
+        return derivative
 
-    def fitted(self, own: Explanation, std: float, settings: FitSettings) -> FittedParameter:
+    def fitted(self, fit: Explanation, std: float, settings: FitSettings) -> FittedParameter:
         """Return the estimate with its interval, `std` being its standard deviation."""
         at = list(self.at)
-        middle = float(own.x[at].sum())
+        middle = float(fit.x[at].sum())
         bearing = next(
-            (own.coordinates[i] for i in at if not is_pinned(own.coordinates[i])), own.coordinates[at[0]]
+            (fit.coordinates[i] for i in at if not is_pinned(fit.coordinates[i])), fit.coordinates[at[0]]
         )
         value, slope = self.of(middle)
         reach = Z95 * std / abs(slope)
-        alone = len([i for i in at if not is_pinned(own.coordinates[i])]) == 1
+        alone = len([i for i in at if not is_pinned(fit.coordinates[i])]) == 1
         ends = np.array([middle - reach, middle + reach])
         ends = np.clip(ends, bearing.lower, bearing.upper) if alone else ends
         lower, upper = settings.bounds.get(self.name, (self.of(bearing.lower)[0], self.of(bearing.upper)[0]))
-        at_bound = bool(alone and any(own.at_bound[i] and not is_pinned(own.coordinates[i]) for i in at))
+        at_bound = bool(alone and any(fit.at_bound[i] and not is_pinned(fit.coordinates[i]) for i in at))
         uniform = (bearing.upper - bearing.lower) / np.sqrt(12.0)
         return FittedParameter(
             name=self.name,
@@ -170,15 +170,15 @@ def _exponential(origin: float) -> Callable[[float], tuple[float, float]]:
     return of
 
 
-def _contact(found: Fitted, labels: Sequence[str], settings: FitSettings) -> list[_Quantity]:
+def _contact(fitted: Fitted, labels: Sequence[str], settings: FitSettings) -> list[_Quantity]:
     """Return contact stiffness and damping of all, of each stack, or of each configuration."""
-    model, stack = found.model, found.first.stack
-    at = {c.name: i for i, c in enumerate(found.own.coordinates)}
-    told = damped(found.own)
+    model, stack = fitted.model, fitted.first.stack
+    at = {c.name: i for i, c in enumerate(fitted.fit.coordinates)}
+    has_damping = damped(fitted.fit)
     origin = {"G_f": stack.contact.G_f, "d_f": stack.contact.d_f or D_F_START}
     quantities = []
-    for what in CONTACT if found.first.touching else ():
-        if what in settings.fixed or (what == "d_f" and not told):
+    for what in CONTACT if fitted.first.touching else ():
+        if what in settings.fixed or (what == "d_f" and not has_damping):
             continue
         scope, of = settings.scope.get(what, "specimen"), _exponential(origin[what])
         seen = dict[str, tuple[str, ...]]()
@@ -203,9 +203,9 @@ def _contact(found: Fitted, labels: Sequence[str], settings: FitSettings) -> lis
     return quantities
 
 
-def _ratios(found: Fitted, settings: FitSettings) -> list[_Quantity]:
+def _ratios(fitted: Fitted, settings: FitSettings) -> list[_Quantity]:
     """Return the ratios to what stack files say of which anything is said."""
-    at = {c.name: i for i, c in enumerate(found.own.coordinates)}
+    at = {c.name: i for i, c in enumerate(fitted.fit.coordinates)}
     quantities = []
     for name in RATIOS:
         named = name in settings.free or any(
@@ -214,83 +214,87 @@ def _ratios(found: Fitted, settings: FitSettings) -> list[_Quantity]:
         if not named or name in settings.fixed or name not in at:
             continue
         of = _exponential(settings.priors.get(name, (1.0, 0.0))[0])
-        if settings.scope.get(name) == "specimen" and isinstance(found.model, SpecimensModel):
+        if settings.scope.get(name) == "specimen" and isinstance(fitted.model, SpecimensModel):
             quantities += [
-                _Quantity(name, "1", own.name, (at[name], at[f"{name}[{own.name}]"]), of)
-                for own in found.model.specimens
+                _Quantity(name, "1", specimen.name, (at[name], at[f"{name}[{specimen.name}]"]), of)
+                for specimen in fitted.model.specimens
             ]
         else:
             quantities.append(_Quantity(name, "1", "", (at[name],), of))
     return quantities
 
 
-def _effects(found: Fitted) -> list[_Quantity]:
+def _effects(fitted: Fitted) -> list[_Quantity]:
     """Return the parameters of effects, of all or of single stacks."""
     quantities = []
-    for i, c in enumerate(found.own.coordinates):
-        if i < found.own.n_nuisance or is_pinned(c):
+    for i, c in enumerate(fitted.fit.coordinates):
+        if i < fitted.fit.n_nuisance or is_pinned(c):
             continue
         name, _, group = c.name.partition("@")
-        p = found.model.parameters[name]
+        p = fitted.model.parameters[name]
         quantities.append(_Quantity(name, p.unit, group, (i,), lambda x, p=p: scaled(p, x)))  # type: ignore[misc]
     return quantities
 
 
-def _covariance(own: Explanation) -> Vector:
+def _covariance(fit: Explanation) -> Vector:
     """Return the covariance of the coordinates, (n_coordinate, n_coordinate).
 
     Correlations are those at the likeliest size of the discrepancy, standard deviations those over all its sizes.
     """
-    precision = np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12
-    weighed = own.problem.weighed(own.evidence.sizes)
-    inverse = scaled_inverse(weighed.hessian + own.problem.curvature + np.diag(precision))
+    precision = np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12
+    weighed = fit.problem.weighed(fit.evidence.sizes)
+    inverse = scaled_inverse(weighed.hessian + fit.problem.curvature + np.diag(precision))
     std = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-    return np.asarray(inverse / np.outer(std, std) * np.outer(own.std, own.std))
+    return np.asarray(inverse / np.outer(std, std) * np.outer(fit.std, fit.std))
 
 
-def _moved(found: Fitted) -> tuple[Moved, ...]:
+def _moved(fitted: Fitted) -> tuple[Moved, ...]:
     """Return every quantity that all configurations share, as stated and as fitted; none of what is fixed."""
-    own = found.own
+    fit = fitted.fit
     shared = [
         i
-        for i, c in enumerate(own.coordinates[: own.n_nuisance])
+        for i, c in enumerate(fit.coordinates[: fit.n_nuisance])
         if not is_pinned(c) and ("[" not in c.name or c.name.startswith("gain"))
     ]
     part = replace(
-        own,
-        coordinates=tuple(own.coordinates[i] for i in shared),
-        x=own.x[shared],
-        std=own.std[shared],
+        fit,
+        coordinates=tuple(fit.coordinates[i] for i in shared),
+        x=fit.x[shared],
+        std=fit.std[shared],
         n_nuisance=len(shared),
     )
-    return moved(found.first.stack, part)
+    return moved(fitted.first.stack, part)
 
 
 def _configurations(
-    found: Fitted, labels: Sequence[str], settings: FitSettings
+    fitted: Fitted, labels: Sequence[str], settings: FitSettings
 ) -> tuple[ConfigurationFit, ...]:
     """Return each configuration beside the model, as it was stated and as it was fitted."""
-    own, whole = found.own, found.whole or found.model
-    stated = np.zeros(own.n_nuisance)
-    nuisances = own.coordinates[: own.n_nuisance]
+    fit, whole = fitted.fit, fitted.whole or fitted.model
+    stated = np.zeros(fit.n_nuisance)
+    nuisances = fit.coordinates[: fit.n_nuisance]
     before = _beside(whole, nuisances, stated)[1]
-    local, after = _beside(whole, own.coordinates, own.x)
-    made, others = [], _left_out(found)
-    for c, (label, kept) in enumerate(zip(labels, found.kept, strict=True)):
+    local, after = _beside(whole, fit.coordinates, fit.x)
+    made, predicted = [], _left_out(fitted)
+    for c, (label, kept) in enumerate(zip(labels, fitted.kept, strict=True)):
         state, errors = whole.states[c], after[c]
-        if found.whole is None:
-            errors = own.errors[c]
-        frequency = state.frequency * np.exp(-_told(errors, paired=found.paired))
+        if fitted.whole is None:
+            errors = fit.errors[c]
+        frequency = state.frequency * np.exp(-_frequency_errors(errors, paired=fitted.paired))
         damping = state.damping * np.exp(-errors.damping)
-        if found.whole is not None:  # what was fitted is told as it was fitted
-            frequency[kept] = state.frequency[kept] * np.exp(-_told(own.errors[c], paired=found.paired))
-            damping[kept] = state.damping[kept] * np.exp(-own.errors[c].damping)
-        predicted = np.full(kept.size, np.nan)
-        predicted[kept] = state.frequency[kept] * np.exp(-others.errors["frequency"][others.state == c])
+        if fitted.whole is not None:  # modes that were fitted keep the errors of the fit
+            frequency[kept] = state.frequency[kept] * np.exp(
+                -_frequency_errors(fit.errors[c], paired=fitted.paired)
+            )
+            damping[kept] = state.damping[kept] * np.exp(-fit.errors[c].damping)
+        left_out_frequency = np.full(kept.size, np.nan)
+        left_out_frequency[kept] = state.frequency[kept] * np.exp(
+            -predicted.errors["frequency"][predicted.state == c]
+        )
         measured = _measured_damping(whole, c) if settings.damping else np.full(kept.size, np.nan)
         likeness = np.full(kept.size, np.nan)
-        if not (found.classed and found.classed[c]):
-            modal = local.modal(own.x, c)
+        if not (fitted.classed and fitted.classed[c]):
+            modal = local.modal(fit.x, c)
             row, column = errors.partners
             likeness[row] = mac(state.shape, modal.rows)[row, column]
         made.append(
@@ -301,8 +305,9 @@ def _configurations(
                 measured_damping=measured,
                 frequency=frequency,
                 damping=damping,
-                frequency_left_out=predicted,
-                frequency_before=state.frequency * np.exp(-_told(before[c], paired=found.paired)),
+                frequency_left_out=left_out_frequency,
+                frequency_before=state.frequency
+                * np.exp(-_frequency_errors(before[c], paired=fitted.paired)),
                 damping_before=state.damping * np.exp(-before[c].damping),
                 mac=likeness,
             )
@@ -310,19 +315,19 @@ def _configurations(
     return tuple(made)
 
 
-def configurations_left_out(model: SpecimensModel, own: Explanation) -> LeftOut:
+def configurations_left_out(model: SpecimensModel, fit: Explanation) -> LeftOut:
     """Return errors where configurations are left out; the contact of a stack with one is fitted to it."""
-    alone, state = left_out(own, "specimen"), left_out(own, "state")
+    alone, state = left_out(fit, "specimen"), left_out(fit, "state")
     single = [c for states in model.states_of if len(states) == 1 for c in states]
     here = np.isin(state.state, single)
     kinds: tuple[Kind, ...] = ("frequency", "damping")
     return replace(state, errors={k: np.where(here, alone.errors[k], state.errors[k]) for k in kinds})
 
 
-def _left_out(found: Fitted) -> LeftOut:
-    if isinstance(found.model, SpecimensModel):
-        return configurations_left_out(found.model, found.own)
-    return left_out(found.own, "state")
+def _left_out(fitted: Fitted) -> LeftOut:
+    if isinstance(fitted.model, SpecimensModel):
+        return configurations_left_out(fitted.model, fitted.fit)
+    return left_out(fitted.fit, "state")
 
 
 def _beside(
@@ -333,7 +338,7 @@ def _beside(
     return local, errors_at(model, local, setting(model, local, x, shares=(1.0, 0.0, 0.0)), x)
 
 
-def _told(errors: Errors, *, paired: bool) -> Vector:
+def _frequency_errors(errors: Errors, *, paired: bool) -> Vector:
     return errors.paired if paired else errors.frequency
 
 

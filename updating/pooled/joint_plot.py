@@ -18,7 +18,7 @@ _WRITTEN = 12  # parameters up to which every value is written
 
 
 def correlation_figure(fit: JointFit) -> Figure:
-    """Draw the correlation of the estimates; near -1 or 1 the data know a combination of two and not each."""
+    """Draw the correlation of the estimates; near -1 or 1 the data determine a combination of two, neither alone."""
     from matplotlib.figure import Figure
 
     names = [f"{p.name} {p.group}".strip() for p in fit.parameter]

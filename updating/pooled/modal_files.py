@@ -222,12 +222,12 @@ def usual_poles(frequency: Vector, damping: Vector) -> Vector:
 
 
 def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -> dict[str, list[str]]:
-    """Return the rows of a table that are somebody's, where it has columns that say whose they are."""
-    told = {name: value for name, value in of.items() if name in columns}
-    keys = list(zip(*(columns[name] for name in told), strict=True))
-    kept = [i for i, key in enumerate(keys) if key == tuple(told.values())]
+    """Return the rows of one specimen and configuration, where the table has columns that name these."""
+    given = {name: value for name, value in of.items() if name in columns}
+    keys = list(zip(*(columns[name] for name in given), strict=True))
+    kept = [i for i, key in enumerate(keys) if key == tuple(given.values())]
     if keys and not kept:
-        wanted = ", ".join(f"{name} {value!r}" for name, value in told.items())
+        wanted = ", ".join(f"{name} {value!r}" for name, value in given.items())
         there = ", ".join(dict.fromkeys(" ".join(key) for key in keys))
         message = f"{path}: no row of {wanted}; the file has {there}"
         raise FitError(message)
@@ -276,26 +276,26 @@ def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
     if name not in columns:
         message = f"{path}: no column {name!r}; the file has {', '.join(columns) or 'no header'}"
         raise FitError(message)
-    found = np.empty(len(columns[name]))
+    numbers = np.empty(len(columns[name]))
     for i, cell in enumerate(columns[name]):
         try:
-            found[i] = float(cell)
+            numbers[i] = float(cell)
         except ValueError as error:
             message = f"{path}: row {i + 2}: {name} is {cell!r}, expected a number"
             raise FitError(message) from error
-        if not np.isfinite(found[i]):
+        if not np.isfinite(numbers[i]):
             message = f"{path}: row {i + 2}: {name} is {cell!r}, expected a finite number"
             raise FitError(message)
-    return found
+    return numbers
 
 
 def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> NDArray[np.int64]:
-    found = _numbers(path, columns, name)
-    odd = np.flatnonzero((found != np.round(found)) | (np.abs(found) > _LARGEST_NUMBER))
+    numbers = _numbers(path, columns, name)
+    odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > _LARGEST_NUMBER))
     if odd.size:
         i = int(odd[0])
         message = (
             f"{path}: row {i + 2}: {name} is {columns[name][i]!r}, expected a whole number, at most 1e10"
         )
         raise FitError(message)
-    return found.astype(np.int64)
+    return numbers.astype(np.int64)

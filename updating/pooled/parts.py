@@ -13,21 +13,21 @@ from updating.results.pooled import Part
 from updating.results.text import Z95
 
 
-def part_of(model: SpecimensModel, own: Explanation, name: str, label: str, log_odds: float) -> Part:
+def part_of(model: SpecimensModel, fit: Explanation, name: str, label: str, log_odds: float) -> Part:
     """Return a term of an explanation with its 95 % intervals.
 
     Parameters
     ----------
     model : SpecimensModel
         The model.
-    own : Explanation
+    fit : Explanation
         The explanation.
     name : str
         The term.
     label : str
         What a person calls it.
     log_odds : float
-        What it brings.
+        Its gain in log odds beside the other terms.
     """
     term, meant = model.terms[name], model.meant[name]
     shown = [c.name for c in term.coordinates] or list(term.frees)
@@ -37,16 +37,16 @@ def part_of(model: SpecimensModel, own: Explanation, name: str, label: str, log_
         level=meant.level.kind,
         of=meant.level.of,
         specimens=tuple(model.specimens[s].name for s in meant.level.members),
-        parameter=tuple(estimate_of(model, own, n) for n in shown),
+        parameter=tuple(estimate_of(model, fit, n) for n in shown),
         log_odds=log_odds,
     )
 
 
-def estimate_of(model: SpecimensModel, own: Explanation, name: str) -> ParameterEstimate:
-    """Return a coordinate as the parameter that it is of; of what is stated the ratio, of a place the shift."""
-    i = [c.name for c in own.coordinates].index(name)
-    c, local = own.coordinates[i], model.scope(name).local
-    ends = np.clip(own.x[i] + Z95 * own.std[i] * np.array([0.0, -1.0, 1.0]), c.lower, c.upper)
+def estimate_of(model: SpecimensModel, fit: Explanation, name: str) -> ParameterEstimate:
+    """Return a coordinate as the parameter that it is of; of a stated value the ratio, of a location the shift."""
+    i = [c.name for c in fit.coordinates].index(name)
+    c, local = fit.coordinates[i], model.scope(name).local
+    ends = np.clip(fit.x[i] + Z95 * fit.std[i] * np.array([0.0, -1.0, 1.0]), c.lower, c.upper)
     unit = "1"
     if local in model.parameters:
         p = model.parameters[local]
@@ -63,5 +63,5 @@ def estimate_of(model: SpecimensModel, own: Explanation, name: str) -> Parameter
         value=float(values[0]),
         lower=float(min(values[1:])),
         upper=float(max(values[1:])),
-        at_bound=bool(own.at_bound[i]),
+        at_bound=bool(fit.at_bound[i]),
     )

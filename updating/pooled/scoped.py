@@ -16,7 +16,7 @@ from updating.inference.protocol import Coordinate, Term
 from updating.pooled.specimen import Level
 
 CONTACT = {"G_f": "contact stiffness", "d_f": "contact damping"}
-"""Contact parameters that a group or a specimen may have other than the rest, and what they are called."""
+"""Contact parameters in which a group or a specimen may differ from the rest, with their labels."""
 CONTACT_SPREAD = 0.5
 """Standard deviation of the logarithm of the ratio of such a parameter to that of the rest, beforehand."""
 SHARED_PART = 0.5
@@ -52,7 +52,7 @@ def nuisances_of(
     states: Sequence[Sequence[str]],
     scatter: Mapping[str, float],
 ) -> Scoped:
-    """Return the coordinates of the base model: what specimens share, and what each has of its own.
+    """Return the coordinates of the base model: what specimens share, and what belongs to each.
 
     Parameters
     ----------
@@ -65,39 +65,39 @@ def nuisances_of(
     scatter : mapping of str to float
         Standard deviations of ln G_f and ln d_f from specimen to specimen.
     """
-    every, found = tuple(range(len(names))), Scoped()
+    all_specimens, scoped = tuple(range(len(names))), Scoped()
     for name, c in local.items():
-        if "[" in name and not name.startswith("gain"):  # of one state: each specimen's is its own
+        if "[" in name and not name.startswith("gain"):  # of one state: one coordinate for each specimen
             what, _, state = name.partition("[")
-            for s in every:
+            for s in all_specimens:
                 if state.rstrip("]") in states[s] and len(states[s]) > 1:
-                    own = f"{what}[{names[s]} {state}"
-                    found[own] = replace(c, name=own), Scope(local=name, members=(s,))
+                    key = f"{what}[{names[s]} {state}"
+                    scoped[key] = replace(c, name=key), Scope(local=name, members=(s,))
             continue
         alone = name.startswith("gain") or name == "window"  # of the rig's instruments
         both = 1.0 if alone or name in CONTACT else np.sqrt(SHARED_PART)
-        found[name] = _scaled(c, name, both), Scope(local=name, members=every)
+        scoped[name] = _scaled(c, name, both), Scope(local=name, members=all_specimens)
         if alone:
             continue
-        for s in every:
-            own = f"{name}[{names[s]}]"
+        for s in all_specimens:
+            key = f"{name}[{names[s]}]"
             if name in CONTACT:
                 std = scatter[name]
-                one = replace(
-                    c, name=own, std=std, lower=-_FARTHEST * max(std, 0.1), upper=_FARTHEST * max(std, 0.1)
+                coordinate = replace(
+                    c, name=key, std=std, lower=-_FARTHEST * max(std, 0.1), upper=_FARTHEST * max(std, 0.1)
                 )
             else:
-                one = _scaled(c, own, np.sqrt(1.0 - SHARED_PART))
-            found[own] = one, Scope(local=name, members=(s,))
-    return found
+                coordinate = _scaled(c, key, np.sqrt(1.0 - SHARED_PART))
+            scoped[key] = coordinate, Scope(local=name, members=(s,))
+    return scoped
 
 
-def with_settings(found: Scoped, model: StackModel, names: Sequence[str], settings: FitSettings) -> Scoped:
+def with_settings(scoped: Scoped, model: StackModel, names: Sequence[str], settings: FitSettings) -> Scoped:
     """Return the coordinates of the base model with what is known of parameters beforehand.
 
     Parameters
     ----------
-    found : Scoped
+    scoped : Scoped
         The coordinates, as they are without.
     model : StackModel
         Of one group of specimens.
@@ -106,10 +106,12 @@ def with_settings(found: Scoped, model: StackModel, names: Sequence[str], settin
     settings : FitSettings
         What is known.
     """
-    several = {own.members[0] for key, (_, own) in found.items() if _level(key, names) == "configuration"}
+    several = {
+        scope.members[0] for key, (_, scope) in scoped.items() if _level(key, names) == "configuration"
+    }
     usual = {c.name: c for c in model.nuisances}
     made = Scoped()
-    for key, (c, scope) in found.items():
+    for key, (c, scope) in scoped.items():
         what = key.partition("[")[0]
         levels: list[Where] = ["all", "specimen"]
         if what in CONTACT and not several.isdisjoint(scope.members):
@@ -167,7 +169,7 @@ def terms_of(
     hypotheses = {n: frees for n, frees in model.hypotheses.items() if n != WINDOW}
     contact = tuple(CONTACT) if model.touching else ()
     n_effect = len(model.effects) + len(hypotheses) + len(contact)
-    kinds, of_stack = [own.kind for own in levels], model.terms
+    kinds, of_stack = [level.kind for level in levels], model.terms
     for level in levels:
         prior = float(np.log(MISSING / n_effect / len(set(kinds)) / kinds.count(level.kind)))
         states = tuple(c for s in level.members for c in states_of[s])
@@ -188,8 +190,12 @@ def terms_of(
                 scoped[key] = c, Scope(local=local, members=level.members)
 
         for effect in model.effects:
-            own = {named(c.name, level): c for c in of_stack[effect].coordinates}
-            add(effect, level, {key: (replace(c, name=key), c.name) for key, c in own.items()})
+            by_name = {named(c.name, level): c for c in of_stack[effect].coordinates}
+            add(
+                effect,
+                level,
+                {full_name: (replace(c, name=full_name), c.name) for full_name, c in by_name.items()},
+            )
         for effect, frees in hypotheses.items():
             if level.kind == "group":
                 continue

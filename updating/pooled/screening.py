@@ -98,9 +98,9 @@ def screen(
             for c in kept
             if len(c.starts) > 2 and c.name not in base
         }
-        for own in _turn(model, common, at, near, kept, here, tried, whole=turn == 0):
-            if own.name not in best or own.level > best[own.name].level:
-                best[own.name] = own
+        for candidate in _turn(model, common, at, near, kept, here, tried, whole=turn == 0):
+            if candidate.name not in best or candidate.level > best[candidate.name].level:
+                best[candidate.name] = candidate
     return best
 
 
@@ -131,46 +131,47 @@ def _turn(
     fitted = {c.name for c in at.coordinates}
     for name, term in model.terms.items():
         meant = model.meant[name]
-        if name in at.terms or _told(model, at, term):
+        if name in at.terms or _in_fit(model, at, term):
             continue
         if meant.effect in tried:
-            own = [model.scope(c.name).local for c in term.coordinates]
-            columns = [column[n] for n in own]
+            local_names = [model.scope(c.name).local for c in term.coordinates]
+            columns = [column[n] for n in local_names]
             # the same effect at another level has its place already; this one adds to it
-            values = np.array([0.0 if n in fitted else here[n] for n in own])
-            found = bordered.added(meant.level.members, columns, term.coordinates, values)
+            values = np.array([0.0 if n in fitted else here[n] for n in local_names])
+            added = bordered.added(meant.level.members, columns, term.coordinates, values)
         elif whole and meant.effect in CONTACT:
             columns = [column[meant.effect]]
-            found = bordered.added(meant.level.members, columns, term.coordinates, np.zeros(1))
+            added = bordered.added(meant.level.members, columns, term.coordinates, np.zeros(1))
         elif whole and term.frees:
             freed = {column[n]: std for n, std in term.frees.items() if n in column}
-            found = bordered.freed(freed), np.zeros(0), bordered.step, 0.0
+            added = bordered.freed(freed), np.zeros(0), bordered.step, 0.0
         else:
             continue
-        gain, values, step, reach = found
-        own_at = {c.name: float(v) for c, v in zip(term.coordinates, values, strict=True)}
+        gain, values, step, reach = added
+        of_term = {c.name: float(v) for c, v in zip(term.coordinates, values, strict=True)}
         prior = term.log_prior or 0.0
         yield Screened(
             name=name,
             log_gain=gain + prior,
             level=bordered.level + gain + prior,
-            leads=partial(_led, here, [c.name for c in kept[:n_base]], step, own_at),
+            leads=partial(_after_step, here, [c.name for c in kept[:n_base]], step, of_term),
             reach=reach,
         )
 
 
-def _led(
-    here: Mapping[str, float], names: Sequence[str], step: Callable[[], Vector], own: Mapping[str, float]
+def _after_step(
+    here: Mapping[str, float], names: Sequence[str], step: Callable[[], Vector], of_term: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the coordinates of a fit after a step, and those of a term."""
-    return {n: here[n] + float(d) for n, d in zip(names, step(), strict=True)} | dict(own)
+    return {n: here[n] + float(d) for n, d in zip(names, step(), strict=True)} | dict(of_term)
 
 
-def _told(model: SpecimensModel, at: Explanation, term: Term) -> bool:
-    """Tell whether a term cannot be told from one that a fit has: the same at the same specimens."""
-    own = model.meant[term.name]
+def _in_fit(model: SpecimensModel, at: Explanation, term: Term) -> bool:
+    """Return whether a fit has this term already: the same effect at the same specimens."""
+    meant = model.meant[term.name]
     return any(
-        model.meant[n].effect == own.effect and set(model.meant[n].level.members) == set(own.level.members)
+        model.meant[n].effect == meant.effect
+        and set(model.meant[n].level.members) == set(meant.level.members)
         for n in at.terms
     )
 
@@ -208,12 +209,12 @@ class Bordered:
         slope = np.zeros(self.n + p)
         n_specimen = len(model.specimens)
         self.cross = np.zeros((n_specimen, self.n + p, n_all))
-        self.own = np.zeros((n_specimen, n_all, n_all))
+        self.block = np.zeros((n_specimen, n_all, n_all))
         self.pull = np.zeros((n_specimen, n_all))
         self.constant, self.log = 0.0, 0.0
         curved = _curvatures(problem, model, sizes)
-        for s, own in enumerate(model.specimens):
-            message = passing.of(("rig", own.name))
+        for s, specimen in enumerate(model.specimens):
+            message = passing.of(("rig", specimen.name))
             k = message.touched.size
             full = np.zeros((1 + n_all + p,) * 2)
             at = np.concatenate([[0], 1 + message.touched, 1 + n_all + np.arange(p)])
@@ -226,7 +227,7 @@ class Bordered:
             self.log += message.log_determinant
             slope += full[0, keep]
             self.cross[s] = full[keep, 1 : 1 + n_all]
-            self.own[s] = full[1 : 1 + n_all, 1 : 1 + n_all]
+            self.block[s] = full[1 : 1 + n_all, 1 : 1 + n_all]
             self.pull[s] = full[0, 1 : 1 + n_all]
         if p:
             inner[self.n :, self.n :] += np.eye(p) / (sizes.stiffness**2 * share)
@@ -301,15 +302,15 @@ class Bordered:
         """
         those, these = list(members), list(columns)
         cross = sum(self.cross[s][:, these] for s in those)
-        own = sum(self.own[s][np.ix_(these, these)] for s in those)
+        block = sum(self.block[s][np.ix_(these, these)] for s in those)
         loss = sum(self.loss[s][:, these] for s in those)
-        own = own + loss.T @ loss
+        block = block + loss.T @ loss
         pull = sum(self.pull[s][these] for s in those)
         towards = self._solve(cross)
         prior = np.array([c.std**-2.0 for c in coordinates])
-        left = own - towards.T @ towards
+        left = block - towards.T @ towards
         seen = np.maximum(np.diag(left), 0.0)
-        hessian = left + np.diag(prior + _ROUNDING * np.diag(own))
+        hessian = left + np.diag(prior + _ROUNDING * np.diag(block))
         slope = pull - towards.T @ self.base + prior * start
         low, high = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
         step = np.clip(start - np.linalg.solve(hessian, slope), low, high) - start
@@ -326,9 +327,9 @@ class Bordered:
         """Return estimate and standard deviation of a coordinate of some specimens of which nothing is known."""
         cross = self.cross[list(members), :, column].sum(axis=0)
         loss = self.loss[list(members), :, column].sum(axis=0)
-        own = float(self.own[list(members), column, column].sum() + loss @ loss)
+        curvature = float(self.block[list(members), column, column].sum() + loss @ loss)
         towards = self._solve(cross)
-        left = max(own - float(towards @ towards), _ROUNDING * own)
+        left = max(curvature - float(towards @ towards), _ROUNDING * curvature)
         pull = float(self.pull[list(members), column].sum() - towards @ self.base)
         return -pull / left, left**-0.5
 
@@ -359,19 +360,19 @@ class Bordered:
 
 
 def _curvatures(problem: TreeProblem, model: SpecimensModel, sizes: Sizes) -> list[tuple[Vector, Vector]]:
-    """Return of each specimen the curvature of what shapes are off by, and what the gradient has beside that of errors.
+    """Return for each specimen the curvature of errors of shapes, and what the gradient has beside that of errors.
 
     See `updating.inference.gradient`.
     """
     beside = problem.beside(sizes)
-    ends = np.cumsum([0, *(len(own.value) for own in problem.errors)])
+    ends = np.cumsum([0, *(len(errors.value) for errors in problem.errors)])
     n = problem.n_coordinate
-    found = []
+    parts = []
     for states in model.states_of:
         curvature, slope = np.zeros((n, n)), np.zeros(n)
         for c in states:
-            touched, own = problem.leaves[c].touched, problem.errors[c]
+            touched, errors = problem.leaves[c].touched, problem.errors[c]
             slope += beside[ends[c] : ends[c + 1]].sum(axis=0)
-            curvature[np.ix_(touched, touched)] += own.curvature.sum(axis=0)
-        found.append((curvature, slope))
-    return found
+            curvature[np.ix_(touched, touched)] += errors.curvature.sum(axis=0)
+        parts.append((curvature, slope))
+    return parts

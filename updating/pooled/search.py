@@ -79,8 +79,8 @@ def begin(model: SpecimensModel, priors: tuple[SizePrior, SizePrior] = (STIFFNES
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What was found.
+class PooledSearch:
+    """The search on many specimens, done.
 
     Attributes
     ----------
@@ -97,8 +97,8 @@ class Found:
     reach: Mapping[str, float]
 
 
-def searched(begun: Begun) -> Found:
-    """Find what is missing, and whose it is."""
+def searched(begun: Begun) -> PooledSearch:
+    """Find what is missing, and which specimens lack it."""
     models, reach = [begun.model], dict[str, float]()
 
     def extend(
@@ -112,9 +112,9 @@ def searched(begun: Begun) -> Found:
     def sharpen(
         model: SpecimensModel, common: Setting, best: Explanation
     ) -> tuple[SpecimensModel, Setting, bool]:
-        found = settled(model, common, best)
-        models.append(found[0])
-        return found
+        sharper = settled(model, common, best)
+        models.append(sharper[0])
+        return sharper
 
     results = search(
         begun.model,
@@ -127,10 +127,10 @@ def searched(begun: Begun) -> Found:
         extend_by=extend,
         sharpen=sharpen,
     )
-    return Found(models[-1], results, reach)
+    return PooledSearch(models[-1], results, reach)
 
 
-def asked(begun: Begun, effects: Sequence[str]) -> Found:
+def asked(begun: Begun, effects: Sequence[str]) -> PooledSearch:
     """Fit effects of the rig, one after the other beside those before.
 
     Raises
@@ -155,14 +155,14 @@ def asked(begun: Begun, effects: Sequence[str]) -> Found:
     base = explain(model, [], common, begun.base.x)
     priors = {name: term.log_prior or 0.0 for name, term in model.terms.items()}
     fitted = {frozenset[str](): base} | ({frozenset(best.terms): best} if best.terms else {})
-    return Found(model, Search(common, priors, frozenset(), fitted, best if best.terms else base), {})
+    return PooledSearch(model, Search(common, priors, frozenset(), fitted, best if best.terms else base), {})
 
 
 def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[Vector, Setting]:
     """Return the coordinates of the base model from which its fit starts, and what fits share there."""
     names = [c.name for c in model.nuisances]
     x = np.zeros(len(names))
-    tree = Tree(paths=tuple(own.path for own in model.states), shares=SHARES)
+    tree = Tree(paths=tuple(state.path for state in model.states), shares=SHARES)
     if model.first.touching:
         G_f, d_f = np.mean([group.start for group in model.groups], axis=0)
         x[names.index("G_f")], x[names.index("d_f")] = G_f, d_f
@@ -178,8 +178,8 @@ def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[
                 )
         best = _LADDER[np.argmin(cost, axis=0)]
         x[names.index("G_f")] += best.mean()
-        for s, own in enumerate(model.specimens):
-            x[names.index(f"G_f[{own.name}]")] = best[s] - best.mean()
+        for s, specimen in enumerate(model.specimens):
+            x[names.index(f"G_f[{specimen.name}]")] = best[s] - best.mean()
     local = model.about(model.nuisances, [x])
     return x, replace(setting(model, local, x, shares=SHARES, priors=priors), tree=tree, loose=LOOSE)
 
@@ -207,49 +207,49 @@ def settled(
     )
 
 
-def scatter_of(model: SpecimensModel, own: Explanation) -> dict[str, float]:
+def scatter_of(model: SpecimensModel, fit: Explanation) -> dict[str, float]:
     """Return the scatter of ln G_f and ln d_f from specimen to specimen, by what they are in a fit.
 
     A step of the algorithm of expectation and maximisation (Dempster, Laird and Rubin 1977) towards the likeliest, with
     an inverse gamma prior that weighs as two specimens of the usual scatter do.
     """
-    found = {}
+    scatter = {}
     for name, usual in SCATTER.items():
-        at = [i for i, c in enumerate(own.coordinates) if c.name.startswith(f"{name}[")]
-        at = [i for i in at if model.scope(own.coordinates[i].name).local == name]
+        at = [i for i, c in enumerate(fit.coordinates) if c.name.startswith(f"{name}[")]
+        at = [i for i in at if model.scope(fit.coordinates[i].name).local == name]
         if not at:
-            found[name] = usual
+            scatter[name] = usual
             continue
-        x, std = own.x[at], np.minimum(own.std[at], model.scatter[name])
+        x, std = fit.x[at], np.minimum(fit.std[at], model.scatter[name])
         within = std**2 - np.mean(std) ** 2 / len(at)  # what all have in common is no scatter
         square = float(np.sum((x - x.mean()) ** 2 + np.maximum(within, 0.0)))
-        found[name] = float(np.sqrt((square + 2.0 * usual**2) / (len(at) + 2.0)))
-    return found
+        scatter[name] = float(np.sqrt((square + 2.0 * usual**2) / (len(at) + 2.0)))
+    return scatter
 
 
-def shares_of(own: Explanation) -> tuple[float, ...]:
+def shares_of(fit: Explanation) -> tuple[float, ...]:
     """Return the likeliest shares of the discrepancy, those of a fit being where they are looked for."""
-    problem, size = cast(TreeProblem, own.problem), own.evidence.sizes.stiffness
-    known = np.diag(np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12) + problem.curvature
+    problem, size = cast(TreeProblem, fit.problem), fit.evidence.sizes.stiffness
+    known = np.diag(np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12) + problem.curvature
     usual = np.log(np.array(SHARES))
 
     def log(z: Vector) -> float:
         """Return the logarithm of the evidence at logarithms of the variances of the levels."""
         variance = np.exp(z)
         tree = Tree(paths=problem.tree.paths, shares=tuple((variance / variance.sum()).tolist()))
-        found = replace(problem, tree=tree).of_stiffness(float(np.sqrt(variance.sum())))
-        step = found.misfit + 2.0 * found.log + float(np.linalg.slogdet(found.hessian + known)[1])
+        weighed = replace(problem, tree=tree).of_stiffness(float(np.sqrt(variance.sum())))
+        step = weighed.misfit + 2.0 * weighed.log + float(np.linalg.slogdet(weighed.hessian + known)[1])
         away = (z - z.mean() - usual + usual.mean()) / SPREAD
         return -0.5 * (step + float(away @ away))
 
     z = np.log(size**2 * np.array(problem.tree.shares))
     for h in (1.0, 0.4):
         for i in range(z.size):
-            one = h * (np.arange(z.size) == i)
-            low, here, high = log(z - one), log(z), log(z + one)
+            direction = h * (np.arange(z.size) == i)
+            low, here, high = log(z - direction), log(z), log(z + direction)
             bend = low + high - 2.0 * here
             step = 0.5 * (low - high) / bend if bend < 0.0 else np.sign(high - low)
-            z = z + float(np.clip(step, -2.0, 2.0)) * one
+            z = z + float(np.clip(step, -2.0, 2.0)) * direction
     share = np.maximum(np.exp(z - np.log(np.sum(np.exp(z)))), LEAST_SHARE)
     return tuple((share / share.sum()).tolist())
 
@@ -284,19 +284,21 @@ def outlooks(
     dict of str to float
         Standard deviations by which data change at the farthest end of a term's range.
     """
-    found, reach = dict[str, tuple[float, Vector]](), dict[str, float]()
+    expected, reach = dict[str, tuple[float, Vector]](), dict[str, float]()
     present = [model.terms[n] for n in at.terms]
     now = _now(model, common, at)
     for origin in _origins(model, common, at, starts):
         screened = screen(model, common, at, origin)
-        for name, own in screened.items():
-            reach[name] = max(own.reach, reach.get(name, 0.0))
-        order = sorted(screened.values(), key=lambda own: -own.level)
-        for own in [own for own in order if only in (None, own.name)][:asked]:
-            ahead = _asked(model, common, at, [*present, model.terms[own.name]], own.at, now)
-            if ahead is not None and (own.name not in found or ahead[0] > found[own.name][0]):
-                found[own.name] = ahead
-    return found, reach
+        for name, candidate in screened.items():
+            reach[name] = max(candidate.reach, reach.get(name, 0.0))
+        order = sorted(screened.values(), key=lambda candidate: -candidate.level)
+        for candidate in [candidate for candidate in order if only in (None, candidate.name)][:asked]:
+            ahead = _asked(model, common, at, [*present, model.terms[candidate.name]], candidate.at, now)
+            if ahead is not None and (
+                candidate.name not in expected or ahead[0] > expected[candidate.name][0]
+            ):
+                expected[candidate.name] = ahead
+    return expected, reach
 
 
 def _now(model: SpecimensModel, common: Setting, at: Explanation) -> float:
@@ -373,16 +375,16 @@ def extended(
     promising : float
         Share of what the best promises that others must: steps of strong effects miss it by as much.
     """
-    found, seen = list[Explanation](), Counter[str]()
+    fitted, seen = list[Explanation](), Counter[str]()
     if not ahead:
-        return found
+        return fitted
     present = [model.terms[n] for n in at.terms]
     now = _now(model, common, at)
     order = sorted(ahead, key=lambda name: -ahead[name][0])
     least = now + promising * max(ahead[order[0]][0] - now, 0.0) - BEHIND
     for name in order:
         level, x = ahead[name]
-        if len(found) == fits or level < least:
+        if len(fitted) == fits or level < least:
             break
         effect = model.meant[name].effect
         seen[effect] += 1
@@ -390,13 +392,13 @@ def extended(
             continue
         terms = [*present, model.terms[name]]
         try:
-            found.append(
+            fitted.append(
                 converged(model, terms, common, x, sizes=at.evidence.sizes, rounds=2, small=0.3, settled=1.0)
             )
         except (np.linalg.LinAlgError, ValueError):
             continue
-        _LOG.info("%s: %.1f promised, %.1f", name, level - now, found[-1].log_evidence - at.log_evidence)
-    return sorted(found, key=lambda f: -f.log_evidence)
+        _LOG.info("%s: %.1f promised, %.1f", name, level - now, fitted[-1].log_evidence - at.log_evidence)
+    return sorted(fitted, key=lambda f: -f.log_evidence)
 
 
 def _origins(
@@ -404,10 +406,10 @@ def _origins(
 ) -> list[dict[str, float]]:
     """Return from where linear steps are taken: the fit, and where nothing is pulled by what is missing."""
     have = {c.name: float(x) for c, x in zip(at.coordinates, at.x, strict=True)}
-    found = [have]
+    origins = [have]
     shared = [c for c in model.nuisances if "[" not in c.name and np.isfinite(c.std)]
     if any(abs(have[c.name]) > PULLED * c.std for c in shared):
-        found.append(
+        origins.append(
             {
                 **have,
                 **{
@@ -419,5 +421,5 @@ def _origins(
         )
     if at.evidence.sizes.stiffness > common.priors[0].quantile(1.0 - INADEQUATE):
         names = [c.name for c in model.nuisances]
-        found += [{**have, **dict(zip(names, start.tolist(), strict=True))} for start in starts]
-    return found
+        origins += [{**have, **dict(zip(names, start.tolist(), strict=True))} for start in starts]
+    return origins

@@ -69,17 +69,17 @@ def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
     Specimens of one note in one column are a group, if they are two or more and not all; of groups with the same
     members the first one counts.
     """
-    every = tuple(range(len(specimens)))
-    found = [Level(kind="rig", of="", members=every)]
+    all_members = tuple(range(len(specimens)))
+    levels = [Level(kind="rig", of="", members=all_members)]
     if len(specimens) < _FEWEST:
-        return tuple(found)
-    known = {every}
-    for column in dict.fromkeys(name for own in specimens for name in own.notes):
-        values = [own.notes.get(column, "") for own in specimens]
+        return tuple(levels)
+    known = {all_members}
+    for column in dict.fromkeys(name for specimen in specimens for name in specimen.notes):
+        values = [specimen.notes.get(column, "") for specimen in specimens]
         for value, count in Counter(values).items():
-            members = tuple(i for i in every if values[i] == value)
+            members = tuple(i for i in all_members if values[i] == value)
             if count >= _FEWEST and value not in UNTREATED and members not in known:
                 known.add(members)
-                found.append(Level(kind="group", of=f"{column} = {value}", members=members))
-    found += [Level(kind="specimen", of=own.name, members=(i,)) for i, own in enumerate(specimens)]
-    return tuple(found)
+                levels.append(Level(kind="group", of=f"{column} = {value}", members=members))
+    levels += [Level(kind="specimen", of=specimen.name, members=(i,)) for i, specimen in enumerate(specimens)]
+    return tuple(levels)

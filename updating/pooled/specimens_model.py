@@ -52,13 +52,15 @@ class SpecimensModel:
         self.settings = settings
         self.specimens, self.groups, self.levels = tuple(specimens), tuple(groups), tuple(levels)
         self.scatter = dict(scatter)
-        names = [own.name for own in specimens]
+        names = [specimen.name for specimen in specimens]
         where = sorted((s, g, i) for g, group in enumerate(groups) for i, s in enumerate(group.members))
         self.place: list[tuple[int, int, int]] = []  # of each state: specimen, group, state there
         for s, g, i in where:
             first, last = groups[g].first[i : i + 2]
             self.place += [(s, g, c) for c in range(first, last)]
-        self.states_of = [[c for c, own in enumerate(self.place) if own[0] == s] for s in range(len(names))]
+        self.states_of = [
+            [c for c, place in enumerate(self.place) if place[0] == s] for s in range(len(names))
+        ]
         self.states: tuple[State, ...] = tuple(
             replace(
                 groups[g].model.states[c],
@@ -69,7 +71,7 @@ class SpecimensModel:
         local = {c.name: c for group in reversed(groups) for c in group.model.nuisances}
         self.local = {c.name: c for c in self.first.nuisances} | local
         usual = nuisances_of(
-            self.local, names, [[n for n, _, _ in own.tested] for own in specimens], self.scatter
+            self.local, names, [[n for n, _, _ in specimen.tested] for specimen in specimens], self.scatter
         )
         self._scoped: Scoped = with_settings(usual, self.first, names, settings)
         self.nuisances: tuple[Coordinate, ...] = tuple(c for c, _ in self._scoped.values())
@@ -78,8 +80,8 @@ class SpecimensModel:
         self.terms, self.meant, further = terms_of(self.first, levels, self._scoped, self.states_of)
         self._scoped |= further
         self.parameters = self.first.parameters
-        own = self.first.terms
-        self.parameter_coordinates = {c.name: c for n in self.first.effects for c in own[n].coordinates}
+        terms = self.first.terms
+        self.parameter_coordinates = {c.name: c for n in self.first.effects for c in terms[n].coordinates}
         self._has = [
             {c.name for c in group.model.nuisances} | set(self.parameter_coordinates) for group in groups
         ]
@@ -106,13 +108,13 @@ class SpecimensModel:
     def acts(self, name: str, state: int) -> bool:
         """Tell whether a state depends on a coordinate."""
         scope, (s, g, c) = self._scoped[name][1], self.place[state]
-        what, _, own = scope.local.partition("[")
+        what, _, suffix = scope.local.partition("[")
         if s not in scope.members:
             return False
-        return not own or what == "gain" or own == f"{self.groups[g].model.tested[c].assembled}]"
+        return not suffix or what == "gain" or suffix == f"{self.groups[g].model.tested[c].assembled}]"
 
     def local_of(self, coordinates: Sequence[Coordinate]) -> list[Coordinate]:
-        """Return what some coordinates are to the model of one stack, each once."""
+        """Return the coordinates of the model of one stack that some coordinates act on, each once."""
         known = {**self.local, **self.parameter_coordinates}
         names = dict.fromkeys([*self.local, *(self.scope(c.name).local for c in coordinates)])
         return [known[name] for name in names]
@@ -134,29 +136,29 @@ class SpecimensModel:
             Of which the values are wanted.
         """
         index = {c.name: i for i, c in enumerate(local)}
-        found = np.zeros(len(local))
+        values = np.zeros(len(local))
         for name, value in at.items():
             scope = self._scoped[name][1]
             if s in scope.members and scope.local in index:
-                found[index[scope.local]] += value
+                values[index[scope.local]] += value
         if HEIGHT in index:
-            found[index[HEIGHT]] += self.heights[s]
-        return found
+            values[index[HEIGHT]] += self.heights[s]
+        return values
 
     def about(self, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> SpecimensNear:
         """Return the model near some points of the coordinates."""
         local, names = self.local_of(coordinates), [c.name for c in coordinates]
         nears = []
         for g, group in enumerate(self.groups):
-            own, where = self.in_group(g, local), list[Vector]()
+            of_group, where = self.in_group(g, local), list[Vector]()
             for x in points:
                 at = dict(zip(names, x.tolist(), strict=True))
-                each = np.array([self.values(at, s, own) for s in group.members])
-                middle = np.mean(each, axis=0)
+                values = np.array([self.values(at, s, of_group) for s in group.members])
+                middle = np.mean(values, axis=0)
                 where.append(middle)
-                if self.first.touching and np.ptp(each[:, 0]) > 2.0 * _WIDE:
-                    where += [each[np.argmin(each[:, 0])], each[np.argmax(each[:, 0])]]
-            nears.append(group.model.about(own, where))
+                if self.first.touching and np.ptp(values[:, 0]) > 2.0 * _WIDE:
+                    where += [values[np.argmin(values[:, 0])], values[np.argmax(values[:, 0])]]
+            nears.append(group.model.about(of_group, where))
         return SpecimensNear(self, coordinates, [self.in_group(g, local) for g in range(len(nears))], nears)
 
     def rows_of(self, g: int) -> Vector:
@@ -208,9 +210,9 @@ class SpecimensNear:
     def of(self, coordinates: Sequence[Coordinate]) -> SpecimensNear:
         """Return the same for some of the coordinates; the others stay where they are neutral."""
         local = self.whole.local_of(coordinates)
-        each = [self.whole.in_group(g, local) for g in range(len(self.nears))]
-        nears = [near.of(own) for near, own in zip(self.nears, each, strict=True)]
-        return SpecimensNear(self.whole, coordinates, each, nears)
+        by_group = [self.whole.in_group(g, local) for g in range(len(self.nears))]
+        nears = [near.of(present) for near, present in zip(self.nears, by_group, strict=True)]
+        return SpecimensNear(self.whole, coordinates, by_group, nears)
 
     def touched(self, state: int) -> tuple[NDArray[np.intp], list[list[int]]]:
         """Return the coordinates of a state, and where among them each coordinate of its stack's model stands."""
@@ -233,31 +235,31 @@ class SpecimensNear:
         s, g, c = self.whole.place[state]
         touched, of = self.touched(state)
         at = {self.names[i]: float(x[i]) for i in touched}
-        own = self.nears[g].modal(self.whole.values(at, s, self.local[g]), c)
+        modal = self.nears[g].modal(self.whole.values(at, s, self.local[g]), c)
 
         def spread(columns: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
             pairs = [(k, i) for i, column in enumerate(columns.tolist()) for k in of[column]]
             where, taken = zip(*pairs, strict=True) if pairs else ((), ())
             return np.array(where, dtype=np.intp), np.array(taken, dtype=np.intp)
 
-        moves, q = spread(own.moves)
-        damps, p = spread(own.damps)
-        looks, k = spread(own.looks)
-        of_mode_moves, r = spread(own.of_mode_moves)
+        moves, q = spread(modal.moves)
+        damps, p = spread(modal.damps)
+        looks, k = spread(modal.looks)
+        of_mode_moves, r = spread(modal.of_mode_moves)
         common = self._common[g]
         return replace(
-            own,
-            shape=own.shape if common is None else common @ own.shape,
+            modal,
+            shape=modal.shape if common is None else common @ modal.shape,
             moves=moves,
-            stiffness=own.stiffness[q],
-            mass=own.mass[q],
-            beyond_stiffness=own.beyond_stiffness[q],
-            beyond_mass=own.beyond_mass[q],
+            stiffness=modal.stiffness[q],
+            mass=modal.mass[q],
+            beyond_stiffness=modal.beyond_stiffness[q],
+            beyond_mass=modal.beyond_mass[q],
             damps=damps,
-            damping_change=own.damping_change[p],
+            damping_change=modal.damping_change[p],
             looks=looks,
-            row_change=own.row_change[k],
+            row_change=modal.row_change[k],
             of_mode_moves=of_mode_moves,
-            of_mode_change=own.of_mode_change[r] if r.size else own.of_mode_change,
+            of_mode_change=modal.of_mode_change[r] if r.size else modal.of_mode_change,
             touched=touched,
         )

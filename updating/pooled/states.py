@@ -28,8 +28,8 @@ UNITS = {"G_f": "1", "d_f": "s/Pa"}
 _VAGUE = 2.0
 """Standard deviation of the logarithm of a parameter at a torque about that of its specimen, beforehand: so wide that
 data decide, and finite where there are none, such as no damping ratio."""
-_UNTOLD = 0.5  # of that, from which on data tell nothing
-_RATIO_UNTOLD = np.log(
+_UNDETERMINED = 0.5  # of that, from which on data determine nothing
+_RATIO_UNDETERMINED = np.log(
     100.0
 )  # half of an interval of a ratio's logarithm, beyond which nothing is said of it
 
@@ -41,46 +41,50 @@ class Contacts:
     ----------
     model : SpecimensModel
         The model.
-    own : Explanation
+    fit : Explanation
         The explanation.
     """
 
-    def __init__(self, model: SpecimensModel, own: Explanation) -> None:
-        assert isinstance(own.problem, TreeProblem)
-        self.model, self.own, self.problem = model, own, own.problem
-        precision = np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12
-        weighed = own.problem.weighed(own.evidence.sizes)
-        self.covariance = scaled_inverse(weighed.hessian + own.problem.curvature + np.diag(precision))
-        self.names = [c.name for c in own.coordinates]
+    def __init__(self, model: SpecimensModel, fit: Explanation) -> None:
+        assert isinstance(fit.problem, TreeProblem)
+        self.model, self.fit, self.problem = model, fit, fit.problem
+        precision = np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12
+        weighed = fit.problem.weighed(fit.evidence.sizes)
+        self.covariance = scaled_inverse(weighed.hessian + fit.problem.curvature + np.diag(precision))
+        self.names = [c.name for c in fit.coordinates]
         contact = model.first.stack.contact
         self.nominal = {"G_f": contact.G_f, "d_f": contact.d_f or D_F_START}
 
     def _parts(self, what: str, s: int) -> list[int]:
         """Return the coordinates that make a contact parameter of a specimen."""
         scopes = [self.model.scope(name) for name in self.names]
-        return [i for i, own in enumerate(scopes) if own.local == what and s in own.members]
+        return [i for i, scope in enumerate(scopes) if scope.local == what and s in scope.members]
 
     def of_specimen(self, s: int) -> tuple[ParameterEstimate | None, ParameterEstimate | None]:
-        """Return G_f and d_f of a specimen, None where no torque tells anything of it."""
-        found = []
+        """Return G_f and d_f of a specimen, None where no torque determines it."""
+        estimates = []
         for what in UNITS:
             at = self._parts(what, s)
             std = float(np.sqrt(max(self.covariance[np.ix_(at, at)].sum(), 0.0)))
-            log = float(self.own.x[at].sum())
-            told = any(self._alone(c)[1][what] < _UNTOLD * _VAGUE for c in self.model.states_of[s])
-            found.append(self._estimate(what, log, std) if at and told else None)
-        return found[0], found[1]
+            log = float(self.fit.x[at].sum())
+            determined = any(
+                self._alone(c)[1][what] < _UNDETERMINED * _VAGUE for c in self.model.states_of[s]
+            )
+            estimates.append(self._estimate(what, log, std) if at and determined else None)
+        return estimates[0], estimates[1]
 
     def of_state(self, c: int) -> ContactState:
-        """Return contact by the frequencies and damping ratios of one state alone, all else as it was found."""
+        """Return contact by the frequencies and damping ratios of one state alone, all else as in the fit."""
         _, g, here = self.model.place[c]
         logs, stds = self._alone(c)
         tested = self.model.groups[g].model.tested[here]
-        found = {
-            what: None if stds[what] > _UNTOLD * _VAGUE else self._estimate(what, logs[what], stds[what])
+        estimates = {
+            what: None
+            if stds[what] > _UNDETERMINED * _VAGUE
+            else self._estimate(what, logs[what], stds[what])
             for what in UNITS
         }
-        return ContactState(name=tested.assembled, pressure=tested.pressure, **found)
+        return ContactState(name=tested.assembled, pressure=tested.pressure, **estimates)
 
     def _alone(self, c: int) -> tuple[dict[str, float], dict[str, float]]:
         """Return logarithms of contact parameters by one state, and their standard deviations.
@@ -89,7 +93,7 @@ class Contacts:
         """
         s, g, here = self.model.place[c]
         assembled = self.model.groups[g].model.tested[here].assembled
-        size, leaf = self.own.evidence.sizes, self.problem.leaves[c]
+        size, leaf = self.fit.evidence.sizes, self.problem.leaves[c]
         k = leaf.touched.size
         product = leaf.information(size.stiffness)[0][: 1 + k, : 1 + k]
         damped = self.problem.of_damping(size.damping, self.problem.damping_at == c)
@@ -97,9 +101,9 @@ class Contacts:
         for what in UNITS:
             parts = self._parts(what, s)
             state = f"{what}[{self.model.specimens[s].name} {assembled}]"
-            logs[what] = float(self.own.x[parts].sum())
+            logs[what] = float(self.fit.x[parts].sum())
             if state in self.names:
-                logs[what] += float(self.own.x[self.names.index(state)])
+                logs[what] += float(self.fit.x[self.names.index(state)])
             if parts:
                 where.append(parts[0])
         if not where:
@@ -123,44 +127,44 @@ class Contacts:
         )
 
 
-def contrasts_of(model: SpecimensModel, own: Explanation) -> list[Contrast]:
+def contrasts_of(model: SpecimensModel, fit: Explanation) -> list[Contrast]:
     """Return what groups have of contact parameters over the others, nothing being known of it beforehand."""
     if not model.first.touching:
         return []
-    assert isinstance(own.problem, TreeProblem)
-    names = [c.name for c in own.coordinates]
-    found = []
+    assert isinstance(fit.problem, TreeProblem)
+    names = [c.name for c in fit.coordinates]
+    contrasts = []
     for level in (level for level in model.levels if level.kind == "group"):
         for what, label in CONTACT.items():
             # a term that is there already gives way to what is returned
             term = [i for i, n in enumerate(names) if n == f"{what}@{level.of}"]
-            precision = np.array([c.std**-2.0 for c in own.coordinates])
+            precision = np.array([c.std**-2.0 for c in fit.coordinates])
             precision[term] = 1e8
-            bordered = Bordered(model, own.problem, own.evidence.sizes, own.x, precision)
+            bordered = Bordered(model, fit.problem, fit.evidence.sizes, fit.x, precision)
             value, std = bordered.free(level.members, names.index(what))
-            log = value + float(own.x[term].sum())
-            if Z95 * std > _RATIO_UNTOLD:
+            log = value + float(fit.x[term].sum())
+            if Z95 * std > _RATIO_UNDETERMINED:
                 continue
             ratio, lower, upper = np.exp(log + Z95 * std * np.array([0.0, -1.0, 1.0])).tolist()
-            found.append(
+            contrasts.append(
                 Contrast(group=level.of, parameter=what, label=label, ratio=ratio, lower=lower, upper=upper)
             )
-    return found
+    return contrasts
 
 
-def modes_told(
-    model: SpecimensModel, base: Explanation, own: Explanation, states: Sequence[int]
+def mode_answers(
+    model: SpecimensModel, base: Explanation, fit: Explanation, states: Sequence[int]
 ) -> tuple[ModeAnswer, ...]:
     """Return the measured modes of some states beside those of two explanations."""
-    told: list[ModeAnswer] = []
+    answers: list[ModeAnswer] = []
     for c in states:
         _, g, here = model.place[c]
         tested, modes = model.groups[g].model.tested[here], model.states[c]
-        before, after = base.errors[c], own.errors[c]
+        before, after = base.errors[c], fit.errors[c]
         for r in range(modes.frequency.size):
             f, zeta = float(modes.frequency[r]), float(tested.modes.damping[r])
             measured = tested.modes.damping_std[r] < zeta
-            told.append(
+            answers.append(
                 ModeAnswer(
                     configuration=tested.assembled,
                     frequency=f,
@@ -171,20 +175,20 @@ def modes_told(
                     model_damping=float(zeta * np.exp(-after.damping[r])),
                 )
             )
-    return tuple(told)
+    return tuple(answers)
 
 
-def far_off(model: SpecimensModel, own: Explanation) -> tuple[Strained, ...]:
+def far_off(model: SpecimensModel, fit: Explanation) -> tuple[Strained, ...]:
     """Return the nuisances whose mean over all specimens is far from what is known of it."""
-    scopes = [model.scope(c.name) for c in own.coordinates[: own.n_nuisance]]
-    found, n = [], len(model.specimens)
+    scopes = [model.scope(c.name) for c in fit.coordinates[: fit.n_nuisance]]
+    pulled, n = [], len(model.specimens)
     for name, c in model.local.items():
         if "[" in name or not np.isfinite(c.std):
             continue
         at = [i for i, scope in enumerate(scopes) if scope.local == name]
         share = [len(scopes[i].members) / n for i in at]
-        prior = float(np.sqrt(sum((p * own.coordinates[i].std) ** 2 for p, i in zip(share, at, strict=True))))
-        value = float(sum(p * own.x[i] for p, i in zip(share, at, strict=True)))
+        prior = float(np.sqrt(sum((p * fit.coordinates[i].std) ** 2 for p, i in zip(share, at, strict=True))))
+        value = float(sum(p * fit.x[i] for p, i in zip(share, at, strict=True)))
         if abs(value) > PULLED * prior:
-            found.append(Strained(name=name, value=value, std=prior))
-    return tuple(found)
+            pulled.append(Strained(name=name, value=value, std=prior))
+    return tuple(pulled)

@@ -18,10 +18,10 @@ def table_specimens(table: ModalTable) -> tuple[Specimen, ...]:
     FitError
         The model of a row has no mode of a class.
     """
-    classes, found = Classes(), []
+    classes, specimens = Classes(), []
     for row in table.rows:
         poles = usual_poles(row.frequency, np.full(row.frequency.size, np.nan))
         modes = classes.modes(f"stack {row.name}", row.stack, table.shape_class, poles)
         tested = ((row.name, row.stack.contact.pressure, modes),)
-        found.append(Specimen(name=row.name, stack=row.stack, tested=tested, classed=True))
-    return tuple(found)
+        specimens.append(Specimen(name=row.name, stack=row.stack, tested=tested, classed=True))
+    return tuple(specimens)
