@@ -229,7 +229,7 @@ def fit(
     Parameters
     ----------
     stack : Stack
-        The stack at the configuration's pressure; its own G_f and d_f do not matter.
+        The stack at the configuration's pressure; its G_f and d_f do not matter.
     measured : ModalModel
         The identified modes.
     threshold : float
@@ -294,13 +294,13 @@ def _estimates(
     shape = measured.shape[:, used]
     contact = system.stack.contact
     if system.stack.n_lamina == 1:
-        found = _elastic(system, observed, contact.G_f, contact.d_f)
-        column = _assign(shape, found)
+        modes = _elastic(system, observed, contact.G_f, contact.d_f)
+        column = _assign(shape, modes)
         return (
             kept_estimate(
-                "G_f", "Pa/Pa", contact.G_f, opt_G(measured.frequency[used], found.frequency[column])
+                "G_f", "Pa/Pa", contact.G_f, opt_G(measured.frequency[used], modes.frequency[column])
             ),
-            kept_estimate("d_f", "s/Pa", contact.d_f, opt_d(measured.damping[used], found.damping[column])),
+            kept_estimate("d_f", "s/Pa", contact.d_f, opt_d(measured.damping[used], modes.damping[column])),
         )
 
     def frequencies(value: float) -> Prediction:
@@ -312,12 +312,14 @@ def _estimates(
         frequencies, measured.frequency[used], measured.frequency_std[used], bounds=bounds[0]
     )
     reference = _elastic(system, observed, G_f.value, 1e-10)
-    own = np.zeros(used.size)  # damping that effects bring without any of the contact
+    other_damping = np.zeros(used.size)  # damping by effects, without any of the contact
     if system.stack.effects:
         undamped = _elastic(system, observed, G_f.value, 0.0)
-        own = undamped.damping[_assign(shape, undamped)]
-    slope = (reference.damping[_assign(shape, reference)] - own) / 1e-10
-    d_f = estimate_damping(slope, measured.damping[used] - own, measured.damping_std[used], bounds=bounds[1])
+        other_damping = undamped.damping[_assign(shape, undamped)]
+    slope = (reference.damping[_assign(shape, reference)] - other_damping) / 1e-10
+    d_f = estimate_damping(
+        slope, measured.damping[used] - other_damping, measured.damping_std[used], bounds=bounds[1]
+    )
     return G_f, d_f
 
 

@@ -195,7 +195,7 @@ def fit_row(row: TableRow, shape_class: tuple[str, ...]) -> TableFit:
 
 
 def fit_row_by(row: TableRow, predict: Callable[[float], Prediction]) -> TableFit:
-    """Fit G_f of one row as `fit_row` does, with a model that is there already.
+    """Fit G_f of one row as `fit_row` does, with a given model.
 
     Parameters
     ----------

@@ -180,9 +180,9 @@ def shape_pairs(measured: ModalModel, fit: ModelFit | None) -> tuple[ShapePair, 
         if fit is None or r not in partner:
             pairs.append(_shape_pair(measured, r))
             continue
-        s, other = partner[r]
+        s, shape = partner[r]
         likeness = float(fit.pairing.mac[r, s])
-        pairs.append(_shape_pair(measured, r, float(fit.modes.frequency[s]), likeness, other))
+        pairs.append(_shape_pair(measured, r, float(fit.modes.frequency[s]), likeness, shape))
     return tuple(pairs)
 
 
@@ -193,9 +193,11 @@ def any_pair(measured: ModalModel, fit: ModelFit, r: int, s: int) -> ShapePair:
     )
 
 
-def beside_shape(measured: ModalModel, r: int, other: tuple[float, float, NDArray[np.float64]]) -> ShapePair:
-    """Return the measured shape `r` beside another (n_dof,), given with its frequency (Hz) and its MAC with it."""
-    return _shape_pair(measured, r, *other)
+def beside_shape(
+    measured: ModalModel, r: int, partner: tuple[float, float, NDArray[np.float64]]
+) -> ShapePair:
+    """Return the measured shape `r` beside a partner (n_dof,), given with its frequency (Hz) and its MAC with it."""
+    return _shape_pair(measured, r, *partner)
 
 
 def _shape_pair(
@@ -203,22 +205,22 @@ def _shape_pair(
     r: int,
     frequency: float = np.nan,
     likeness: float = np.nan,
-    other: NDArray[np.float64] | None = None,
+    partner: NDArray[np.float64] | None = None,
 ) -> ShapePair:
-    """Return a measured shape beside another (n_dof,) of a frequency and a MAC with it, or alone."""
+    """Return a measured shape beside a partner (n_dof,) of a frequency and a MAC with it, or alone."""
     dofs = Dofs(node=measured.node, direction=measured.direction)
-    own = lone_shape(measured.geometry, dofs, measured.shape[:, r], float(measured.frequency[r]))
-    if other is None:
-        return own
+    pair = lone_shape(measured.geometry, dofs, measured.shape[:, r], float(measured.frequency[r]))
+    if partner is None:
+        return pair
     shape = _most_real(measured.shape[:, r])
-    scaled = other * float(other @ shape.real) / float(other @ other)
+    scaled = partner * float(partner @ shape.real) / float(partner @ partner)
     seen = np.isin(measured.geometry.node, measured.node)
     moved = [
         point_displacement(measured.geometry, measured.node, measured.direction, value)[seen].real
         for value in (shape, scaled)
     ]
     model = moved[1] / _largest(moved[0])
-    return replace(own, model_frequency=frequency, mac=likeness, model=model)
+    return replace(pair, model_frequency=frequency, mac=likeness, model=model)
 
 
 def lone_shape(geometry: Geometry, dofs: Dofs, shape: NDArray[np.complex128], frequency: float) -> ShapePair:
@@ -339,12 +341,12 @@ def faces(line: NDArray[np.int64]) -> NDArray[np.int64]:
         if a != b:
             beside.setdefault(int(a), set()).add(int(b))
             beside.setdefault(int(b), set()).add(int(a))
-    found: list[tuple[int, int, int]] = []
+    triangles: list[tuple[int, int, int]] = []
     for a, around in sorted(beside.items()):
         for b, d in combinations(sorted(p for p in around if p > a), 2):
             if d in beside[b]:
-                found.append((a, b, d))
+                triangles.append((a, b, d))
                 continue
             opposite = (c for c in beside[b] & beside[d] if c > a and c not in around)
-            found += [triangle for c in sorted(opposite) for triangle in ((a, b, c), (a, c, d))]
-    return np.array(found, dtype=np.int64).reshape(-1, 3)
+            triangles += [triangle for c in sorted(opposite) for triangle in ((a, b, c), (a, c, d))]
+    return np.array(triangles, dtype=np.int64).reshape(-1, 3)

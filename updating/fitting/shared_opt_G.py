@@ -1,7 +1,7 @@
-"""Effects that many stacks share, by opt_G of the paper, eq. (1), over all of them, each stack with its own G_f.
+"""Effects that many stacks share, by opt_G of the paper, eq. (1), over all of them, each stack with its G_f.
 
 For modes of a table, which are known by class and have no stated uncertainty. The squares are of relative differences,
-so that all modes weigh the same. What stacks lack is no question for it: `lamella diagnose` asks that of shapes.
+so that all modes weigh the same. It does not ask what stacks lack: `lamella diagnose` asks that of shapes.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ class SharedFit:
 
     def error(self, of: tuple[Vector, ...] | None = None) -> float:
         """Return the mean relative error, eq. (2), of `frequency` or of others; NaN of none."""
-        measured, found = np.concatenate(self.measured), np.concatenate(of or self.frequency)
-        known = np.isfinite(measured) & np.isfinite(found)
-        return frequency_error(measured[known], found[known]) if known.any() else float("nan")
+        measured, modelled = np.concatenate(self.measured), np.concatenate(of or self.frequency)
+        known = np.isfinite(measured) & np.isfinite(modelled)
+        return frequency_error(measured[known], modelled[known]) if known.any() else float("nan")
 
 
 @single_threaded
@@ -106,21 +106,21 @@ def fit_shared_opt_G(
         No mode is measured that a model has.
     """
     problem = _Problem(prepared, effects, fixed or {}, bounds or {})
-    kept = [own.used for own in prepared]
+    kept = [state.used for state in prepared]
     starts = [problem.scanned(t, kept) for t in problem.starts()] if anew or first is None else []
     if first is not None:
         starts.append(problem.near(first))
     tried = [problem.descend(start, kept) for start in starts]
-    x = min(tried, key=lambda own: float(np.sum(problem.evaluate(own, kept)[0] ** 2)))
+    x = min(tried, key=lambda start: float(np.sum(problem.evaluate(start, kept)[0] ** 2)))
     residual, jacobian = problem.evaluate(x, kept)
     parameter, std = _estimates(problem, x, residual, jacobian)
-    nothing = tuple(np.full(own.used.size, np.nan) for own in prepared)
+    nothing = tuple(np.full(state.used.size, np.nan) for state in prepared)
     return SharedFit(
         effects=tuple(effects),
         parameter=parameter,
         std=std,
         G_f={name: float(np.exp(x[problem.n + i])) for i, name in enumerate(problem.specimen)},
-        measured=tuple(np.where(own.used, own.target.frequency, np.nan) for own in prepared),
+        measured=tuple(np.where(state.used, state.target.frequency, np.nan) for state in prepared),
         frequency=problem.frequencies(x),
         left_out=_configurations(problem, x, kept) if left_out else nothing,
         mode_left_out=_modes(problem, residual, jacobian, kept) if left_out else nothing,
@@ -139,13 +139,13 @@ class _Problem:
         bounds: Mapping[str, tuple[float, float]],
     ) -> None:
         self.prepared, self.fixed = tuple(prepared), dict(fixed)
-        there = {effect.name: effect for own in prepared for effect in own.target.stack.effects}
+        there = {effect.name: effect for state in prepared for effect in state.target.stack.effects}
         named = shared_parameters(there[name] for name in effects).values()
         self.free: list[Parameter] = [_bounded(p, bounds) for p in named if p.name not in fixed]
         self.n = len(self.free)
-        self.specimen = tuple(dict.fromkeys(own.target.specimen for own in prepared))
-        self.column = [self.n + self.specimen.index(own.target.specimen) for own in prepared]
-        if not any(own.used.any() for own in prepared):
+        self.specimen = tuple(dict.fromkeys(state.target.specimen for state in prepared))
+        self.column = [self.n + self.specimen.index(state.target.specimen) for state in prepared]
+        if not any(state.used.any() for state in prepared):
             message = "no mode is left to fit"
             raise FitError(message)
 
@@ -185,11 +185,11 @@ class _Problem:
         residuals, jacobians = [], []
         names = [*(p.name for p in self.free), "G_f"]
         scale = np.array([*(self.value(j, float(x[j]))[1] for j in range(self.n)), 0.0])
-        for i, (own, used) in enumerate(zip(self.prepared, kept, strict=True)):
+        for i, (state, used) in enumerate(zip(self.prepared, kept, strict=True)):
             if not used.any():
                 continue
             frequency, slope = self._solved(i, x, names)
-            log = np.log(frequency[used] / own.target.frequency[used])
+            log = np.log(frequency[used] / state.target.frequency[used])
             rows = np.zeros((int(used.sum()), x.size))
             rows[:, : self.n] = slope[used, : self.n] * scale[: self.n]
             rows[:, self.column[i]] = slope[used, self.n] * np.exp(x[self.column[i]])
@@ -206,11 +206,11 @@ class _Problem:
         further = sobol(2 if self.n == 1 else 8, self.n)[: 2 if self.n == 1 else 6]
         return [nominal, neutral + 0.05 * (nominal - neutral), *further]
 
-    def near(self, other: SharedFit) -> Vector:
+    def near(self, fit: SharedFit) -> Vector:
         """Return the search variables of another fit, with effects that it lacks neutral."""
-        known = {p.name: p.value for p in other.parameter}
+        known = {p.name: p.value for p in fit.parameter}
         shares = [self.share(j, known.get(p.name, p.neutral)) for j, p in enumerate(self.free)]
-        return np.array([*shares, *(np.log(other.G_f[name]) for name in self.specimen)])
+        return np.array([*shares, *(np.log(fit.G_f[name]) for name in self.specimen)])
 
     def scanned(self, shares: Vector, kept: Kept) -> Vector:
         """Return search variables at some shares, each G_f the best of a grid."""
@@ -218,8 +218,8 @@ class _Problem:
         cost = np.zeros((len(self.specimen), _SCAN))
         for k, log in enumerate(grid):
             x = np.concatenate([shares, np.full(len(self.specimen), log)])
-            for i, (own, used) in enumerate(zip(self.prepared, kept, strict=True)):
-                off = np.log(self._solved(i, x, ())[0][used] / own.target.frequency[used])
+            for i, (state, used) in enumerate(zip(self.prepared, kept, strict=True)):
+                off = np.log(self._solved(i, x, ())[0][used] / state.target.frequency[used])
                 off = np.where(np.isfinite(off), off, _LACKING)
                 cost[self.column[i] - self.n, k] += float(off @ off)
         return np.concatenate([shares, grid[np.argmin(cost, axis=1)]])
@@ -243,7 +243,7 @@ class _Problem:
                 known[key] = self.evaluate(whole, kept)
             return known[key]
 
-        found = scipy.optimize.least_squares(
+        solution = scipy.optimize.least_squares(
             lambda y: at(y)[0],
             np.clip(x, low + inside, high - inside)[chosen],
             jac=lambda y: at(y)[1][:, chosen],
@@ -254,7 +254,7 @@ class _Problem:
             max_nfev=60,
         )
         whole = x.copy()
-        whole[chosen] = found.x
+        whole[chosen] = solution.x
         return whole
 
 
@@ -279,35 +279,35 @@ def _estimates(
     spread[inner] = np.sqrt(np.maximum(np.diag(covariance), 0.0) * float(residual @ residual) / degrees)
     reach = float(scipy.special.stdtrit(degrees, 0.975)) * spread[:n]
     ends = np.clip(np.stack([x[:n] - reach, x[:n] + reach]), 0.0, 1.0)
-    found, std = [], []
+    estimates, std = [], []
     for j, p in enumerate(problem.free):
         value, slope = problem.value(j, float(x[j]))
         lower, upper = (problem.value(j, float(end))[0] for end in ends[:, j])
-        found.append(
+        estimates.append(
             ParameterEstimate(
                 name=p.name, unit=p.unit, value=value, lower=lower, upper=upper, at_bound=bool(at_bound[j]),
                 determined=bool(not at_bound[j] and spread[j] < 12.0**-0.5),
             )
         )  # fmt: skip
         std.append(float(spread[j] * slope))
-    return tuple(found), tuple(std)
+    return tuple(estimates), tuple(std)
 
 
 def _configurations(problem: _Problem, x: Vector, kept: Kept) -> tuple[Vector, ...]:
     """Return the frequencies of each configuration, left out in turn."""
-    found = []
-    for i, own in enumerate(problem.prepared):
+    frequencies = []
+    for i, state in enumerate(problem.prepared):
         rest = [used & (i != k) for k, used in enumerate(kept)]
         if not any(used.any() for used in rest):
-            found.append(np.full(own.used.size, np.nan))
+            frequencies.append(np.full(state.used.size, np.nan))
             continue
         there = problem.descend(x, rest)
         alone = problem.column.count(problem.column[i]) == 1
-        if alone:  # nothing else tells its contact
+        if alone:  # nothing else determines its contact
             only = [used & (i == k) for k, used in enumerate(kept)]
             there = problem.descend(there, only, np.array([problem.column[i]]))
-        found.append(problem._solved(i, there, ())[0])  # of the same module
-    return tuple(found)
+        frequencies.append(problem._solved(i, there, ())[0])  # of the same module
+    return tuple(frequencies)
 
 
 def _modes(problem: _Problem, residual: Vector, jacobian: Vector, kept: Kept) -> tuple[Vector, ...]:
@@ -315,10 +315,10 @@ def _modes(problem: _Problem, residual: Vector, jacobian: Vector, kept: Kept) ->
     moving = np.abs(jacobian).max(axis=0) > 0.0
     basis = np.linalg.svd(jacobian[:, moving], full_matrices=False)[0]
     free = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-6)
-    predicted, first, found = residual / free, 0, []
-    for own, used in zip(problem.prepared, kept, strict=True):
-        made, n = np.full(used.size, np.nan), int(used.sum())
-        made[used] = own.target.frequency[used] * np.exp(predicted[first : first + n])
-        found.append(made)
+    predicted, first, frequencies = residual / free, 0, []
+    for state, used in zip(problem.prepared, kept, strict=True):
+        left_out, n = np.full(used.size, np.nan), int(used.sum())
+        left_out[used] = state.target.frequency[used] * np.exp(predicted[first : first + n])
+        frequencies.append(left_out)
         first += n
-    return tuple(found)
+    return tuple(frequencies)

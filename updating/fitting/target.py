@@ -32,7 +32,7 @@ class Target:
     Attributes
     ----------
     name : str
-        The configuration; each has its own.
+        The configuration, a unique name.
     specimen : str
         The stack that it was measured on: configurations of one stack have the same.
     stack : Stack
@@ -270,19 +270,19 @@ def prepare(
         system = next((s for stack, s in systems if _same_but_pressure(stack, target.stack)), None)
         if system is None:
             kin = [t.stack.contact.pressure for t in targets if _same_but_pressure(t.stack, target.stack)]
-            own = target.stack.contact.pressure
-            G_f_range = (G_f_bounds[0] * min(kin) / own, G_f_bounds[1] * max(kin) / own)
+            pressure = target.stack.contact.pressure
+            G_f_range = (G_f_bounds[0] * min(kin) / pressure, G_f_bounds[1] * max(kin) / pressure)
             system = reduce(target.stack, G_f_range=G_f_range, n_snapshot=n_snapshot, n_mode=N_MODE)
             systems.append((target.stack, system))
-        one = Prepared(
+        model = Prepared(
             target=target,
             system=system,
             observed=observe(system, target.observation),
             used=np.isfinite(target.frequency),
         )
         if not target.shape_class:
-            one = dataclasses.replace(one, used=_pairs(one, G_f_bounds, threshold))
-        prepared.append(one)
+            model = dataclasses.replace(model, used=_pairs(model, G_f_bounds, threshold))
+        prepared.append(model)
     return tuple(prepared)
 
 
@@ -290,11 +290,11 @@ def solve_target(
     prepared: Prepared, values: Mapping[str, float], by: Collection[str]
 ) -> tuple[Modes, NDArray[np.int64]]:
     """Return elastic modes and the column of each measured mode; -1 where the model has none of its class."""
-    modes = solve_every(prepared, values, by).elastic()
+    modes = solve_all(prepared, values, by).elastic()
     return modes, partners(prepared, modes)
 
 
-def solve_every(prepared: Prepared, values: Mapping[str, float], by: Collection[str]) -> Modes:
+def solve_all(prepared: Prepared, values: Mapping[str, float], by: Collection[str]) -> Modes:
     """Return all modes, those of the rigid body first, for some values of the parameters."""
     target = prepared.target
     rest = {name: value for name, value in values.items() if name not in ("G_f", "d_f")}

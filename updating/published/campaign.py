@@ -93,15 +93,15 @@ def pressure_law(prepared: Sequence[Prepared], *, effects: Collection[str] = ())
         A fit fails.
     """
     low, high = _pairs(prepared)
-    every = [own for pair in zip(low, high, strict=True) for own in pair]
-    power, linear = _fit(every, effects, {}), _fit(every, effects, {"exponent": 1.0})
-    refitted, without, own = [], [], []
+    states = [state for pair in zip(low, high, strict=True) for state in pair]
+    power, linear = _fit(states, effects, {}), _fit(states, effects, {"exponent": 1.0})
+    refitted, without, by_stack = [], [], []
     shared = {p.name: p.value for p in power.parameter}
     for i, (weak, strong) in enumerate(zip(low, high, strict=True)):
         rest = {name: value for name, value in shared.items() if name != "exponent"}
-        own.append(_exponent(_fit([weak, strong], effects, rest, first=power))[0])
-        others = every[: 2 * i] + every[2 * i + 2 :]
-        known = _fit(others, effects, {}, first=power)
+        by_stack.append(_exponent(_fit([weak, strong], effects, rest, first=power))[0])
+        rest_of_stacks = states[: 2 * i] + states[2 * i + 2 :]
+        known = _fit(rest_of_stacks, effects, {}, first=power)
         without.append(_exponent(known)[0])
         fixed = {p.name: p.value for p in known.parameter}
         refitted.append(_fit([weak], effects, fixed, first=power).frequency[0])
@@ -112,9 +112,9 @@ def pressure_law(prepared: Sequence[Prepared], *, effects: Collection[str] = ())
         std=std,
         interval=interval,
         jackknife=(n - spread, n + spread),
-        stack=tuple(one.target.specimen for one in low),
-        own=np.array(own),
-        measured=np.array([one.target.frequency for one in low]),
+        stack=tuple(state.target.specimen for state in low),
+        own=np.array(by_stack),
+        measured=np.array([state.target.frequency for state in low]),
         linear=np.array(linear.left_out[::2]),
         power=np.array(power.left_out[::2]),
         refitted=np.array(refitted),
@@ -140,21 +140,21 @@ def _fit(
     )
 
 
-def _exponent(found: SharedFit) -> tuple[float, float, tuple[float, float]]:
+def _exponent(fit: SharedFit) -> tuple[float, float, tuple[float, float]]:
     """Return the exponent, its standard deviation and interval."""
-    (j,) = (j for j, p in enumerate(found.parameter) if p.name == "exponent")
-    p = found.parameter[j]
-    return p.value, found.std[j], (p.lower, p.upper)
+    (j,) = (j for j, p in enumerate(fit.parameter) if p.name == "exponent")
+    p = fit.parameter[j]
+    return p.value, fit.std[j], (p.lower, p.upper)
 
 
 def _pairs(prepared: Sequence[Prepared]) -> tuple[list[Prepared], list[Prepared]]:
     """Return the configuration of lower and of higher pressure of each specimen that has both."""
-    specimens = dict.fromkeys(one.target.specimen for one in prepared)
+    specimens = dict.fromkeys(state.target.specimen for state in prepared)
     low, high = [], []
     for specimen in specimens:
         both = sorted(
-            (one for one in prepared if one.target.specimen == specimen),
-            key=lambda one: one.target.stack.contact.pressure,
+            (state for state in prepared if state.target.specimen == specimen),
+            key=lambda state: state.target.stack.contact.pressure,
         )
         if len(both) == 2:
             low.append(both[0])
@@ -359,8 +359,8 @@ def prepare_published(
         )
         for row in (data.both if both else ())
     ]
-    every = prepare([*sevens, *fours], n_snapshot=_N_SNAPSHOT)
-    return every[: len(sevens)], every[len(sevens) :]
+    prepared = prepare([*sevens, *fours], n_snapshot=_N_SNAPSHOT)
+    return prepared[: len(sevens)], prepared[len(sevens) :]
 
 
 def reproduce(data: Published, calibration: str, effects: Sequence[str]) -> Calibrated:
@@ -385,7 +385,7 @@ def reproduce(data: Published, calibration: str, effects: Sequence[str]) -> Cali
     return Calibrated(
         calibration=calibration,
         row=base_rows(data, sevens),
-        torque=tuple(_torque(data, one) for one in fours),
+        torque=tuple(_torque(data, state) for state in fours),
         shared=shared,
         law=pressure_law(fours, effects=effects),
     )
@@ -393,10 +393,10 @@ def reproduce(data: Published, calibration: str, effects: Sequence[str]) -> Cali
 
 def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
     """Fit G_f of every stack of Table 7 by opt_G with the base model."""
-    found = []
-    for row, one in zip(data.table.rows, sevens, strict=True):
-        fit = fit_row_by(row, _predictor(one))
-        found.append(
+    rows = []
+    for row, prepared in zip(data.table.rows, sevens, strict=True):
+        fit = fit_row_by(row, _predictor(prepared))
+        rows.append(
             Row(
                 stack=row.name,
                 G_f=fit.G_f.value,
@@ -409,15 +409,15 @@ def base_rows(data: Published, sevens: Sequence[Prepared]) -> tuple[Row, ...]:
                 model_misfit=fit.model_misfit,
             )
         )
-    return tuple(found)
+    return tuple(rows)
 
 
 def fit_shared(sevens: Sequence[Prepared], effects: Sequence[str], *, left_out: bool = True) -> SharedFit:
     """Fit shared effects to all stacks, one more at a time: none may make the fit worse."""
-    found = None
+    shared = None
     for n in range(1, len(effects) + 1):
-        found = fit_shared_opt_G(sevens, effects[:n], first=found, left_out=left_out and n == len(effects))
-    return fit_shared_opt_G(sevens, ()) if found is None else found
+        shared = fit_shared_opt_G(sevens, effects[:n], first=shared, left_out=left_out and n == len(effects))
+    return fit_shared_opt_G(sevens, ()) if shared is None else shared
 
 
 def _predictor(prepared: Prepared) -> Callable[[float], Prediction]:
@@ -433,18 +433,18 @@ def _predictor(prepared: Prepared) -> Callable[[float], Prediction]:
     return predict
 
 
-def _torque(data: Published, one: Prepared) -> Torque:
+def _torque(data: Published, prepared: Prepared) -> Torque:
     """Fit one stack at one torque as the paper does: opt_G, then opt_d."""
-    target, known = one.target, np.isfinite(one.target.frequency)
+    target, known = prepared.target, np.isfinite(prepared.target.frequency)
     stack, torque = target.name.split()
 
     def predict(G_f: float) -> Prediction:
-        frequency, gradient = _predictor(one)(G_f)
+        frequency, gradient = _predictor(prepared)(G_f)
         return frequency[known], gradient[known]
 
     no_std = np.zeros(np.count_nonzero(known))
     G_f = estimate_stiffness(predict, target.frequency[known], no_std, bounds=G_F_BOUNDS)
-    modes, column = solve_target(one, {"G_f": G_f.value, "d_f": _D_F}, ())
+    modes, column = solve_target(prepared, {"G_f": G_f.value, "d_f": _D_F}, ())
     slope = modes.damping[column][known] / _D_F
     damping = target.damping[known]
     d_f = estimate_damping(slope, damping, no_std, bounds=D_F_BOUNDS)

@@ -1,6 +1,6 @@
 """What the treatments of the paper changed, from differences between a treated stack and its untreated twin.
 
-What the model is wrong by is the same in both and cancels. With s_r = d ln f_r / d ln G_f, a change of the contact's
+The model's error is the same in both and cancels. With s_r = d ln f_r / d ln G_f, a change of the contact's
 stiffness by g moves ln f_r by s_r g, and with damping of the contact alone, zeta_r = d_f p omega_r s_r, so that what
 ln zeta_r moves by beside ln(f_r s_r) is that of ln d_f. Modes of a pair scatter about that; intervals of 95 % are
 Student's, with as many degrees of freedom as there are modes but one. Where several stacks had one treatment, they are
@@ -32,15 +32,15 @@ PAIRS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("lubricant", (("16", "8"), ("17", "3"), ("18", "1"))),
 )
 """Treatments with the stacks that had them and their twins: same manufacturer, steel and height (Table 1)."""
-SAID = {
+STATED = {
     "two silicone layers": "d_f falls (fig. 13)",
     "four silicone layers": "d_f falls (fig. 13)",
     "adhesive at the edges": "d_f rises drastically, G_f hardly changes (fig. 14)",
     "lubricant": "d_f rises by as much as 150 %, G_f practically not (fig. 15)",
 }
-"""What the text of the paper says; its figures have no numbers but those of Table 6."""
+"""What the text of the paper states; its figures have no numbers but those of Table 6."""
 _BETWEEN_TWO = 2.0**0.5
-"""Scatter between two stacks over what one reassembly brings to each, the least that it can be."""
+"""Scatter between two stacks over that of one stack by reassembly, the least that it can be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,13 +98,13 @@ class Treatment:
             )
         for pair, g, d in self.published:
             text += f"; Table 6, {pair}: G_f {100 * np.expm1(g):+.0f} %, d_f {100 * np.expm1(d):+.0f} %"
-        return f"{text}; the paper: {SAID[self.name]}." if self.name in SAID else f"{text}."
+        return f"{text}; the paper: {STATED[self.name]}." if self.name in STATED else f"{text}."
 
 
-def treated(data: Published, found: Calibrated) -> tuple[Treatment, ...]:
+def treated(data: Published, calibrated: Calibrated) -> tuple[Treatment, ...]:
     """Return what every treatment changes, with the base model of a calibration as it was fitted."""
-    sevens, fours = prepare_published(data, found.calibration)
-    return treatments(data, sevens, fours, {row.stack: row.G_f for row in found.row})
+    sevens, fours = prepare_published(data, calibrated.calibration)
+    return treatments(data, sevens, fours, {row.stack: row.G_f for row in calibrated.row})
 
 
 def treatments(
@@ -121,8 +121,8 @@ def treatments(
     G_f : dict
         Contact stiffness fitted to each stack of Table 7, about which the models are linear.
     """
-    at_320 = {one.target.name: one for one in sevens}
-    both = {one.target.name: one for one in fours}
+    at_320 = {prepared.target.name: prepared for prepared in sevens}
+    both = {prepared.target.name: prepared for prepared in fours}
     return tuple(_treatment(data, name, pairs, (at_320, both), G_f) for name, pairs in PAIRS)
 
 
@@ -142,16 +142,18 @@ def _treatment(
         if f"{treated} M1" in both and f"{twin} M1" in both:
             damping.append(_damping(both, treated, twin, G_f))
             ratio = [
-                _log(both[f"{own} M2"].target.frequency) - _log(both[f"{own} M1"].target.frequency)
-                for own in (treated, twin)
+                _log(both[f"{stack} M2"].target.frequency) - _log(both[f"{stack} M1"].target.frequency)
+                for stack in (treated, twin)
             ]
             doubled = np.log(data.pressure["M2"] / data.pressure["M1"])
             exponent.append(slope(s * doubled, ratio[0] - ratio[1], _BETWEEN_TWO * FREQUENCY_SCATTER))
     listed = list[tuple[str, float, float]]()
     for treated, twin in pairs:
         if treated in data.contact and twin in data.contact:
-            one, other = data.contact[treated], data.contact[twin]
-            stiffer, lossier = (float(np.log(one[key] / other[key])) for key in ("Gf_avg", "df_avg"))
+            with_treatment, without = data.contact[treated], data.contact[twin]
+            stiffer, lossier = (
+                float(np.log(with_treatment[key] / without[key])) for key in ("Gf_avg", "df_avg")
+            )
             listed.append((f"{treated} against {twin}", stiffer, lossier))
     return Treatment(
         name=name,
@@ -167,14 +169,16 @@ def _damping(both: dict[str, Prepared], treated: str, twin: str, G_f: dict[str, 
     """Return the change of ln d_f, from all modes at both torques."""
     moved = []
     for torque in ("M1", "M2"):
-        one, other = both[f"{treated} {torque}"], both[f"{twin} {torque}"]
+        with_treatment, without = both[f"{treated} {torque}"], both[f"{twin} {torque}"]
         per_d_f = [
-            _log(own.target.damping) - _log(own.target.frequency) - _log(_sensitivity(own, G_f[name]))
-            for own, name in ((one, treated), (other, twin))
+            _log(prepared.target.damping)
+            - _log(prepared.target.frequency)
+            - _log(_sensitivity(prepared, G_f[name]))
+            for prepared, name in ((with_treatment, treated), (without, twin))
         ]
         moved.append(per_d_f[0] - per_d_f[1])
-    found = np.concatenate(moved)
-    return slope(np.ones(found.size), found, _BETWEEN_TWO * DAMPING_SCATTER)
+    changes = np.concatenate(moved)
+    return slope(np.ones(changes.size), changes, _BETWEEN_TWO * DAMPING_SCATTER)
 
 
 def _log(values: Vector | None) -> Vector:
@@ -210,33 +214,37 @@ def slope(x: Vector, y: Vector, least: float) -> Shift:
     return Shift(value=value, lower=value - half, upper=value + half)
 
 
-def together(found: Sequence[Shift]) -> Shift:
+def together(shifts: Sequence[Shift]) -> Shift:
     """Return the mean of several stacks, whose interval is not narrower than by the scatter between them."""
-    known = [own for own in found if np.isfinite(own.value)]
+    known = [shift for shift in shifts if np.isfinite(shift.value)]
     if len(known) < 2:
         return known[0] if known else Shift(value=float("nan"), lower=float("nan"), upper=float("nan"))
-    values = np.array([own.value for own in known])
+    values = np.array([shift.value for shift in known])
     n = len(known)
-    own = np.sqrt(np.sum([(one.upper - one.value) ** 2 for one in known])) / n
+    within = np.sqrt(np.sum([(shift.upper - shift.value) ** 2 for shift in known])) / n
     between = float(scipy.special.stdtrit(n - 1, 0.975)) * float(values.std(ddof=1)) / np.sqrt(n)
-    half, value = max(float(own), between), float(values.mean())
+    half, value = max(float(within), between), float(values.mean())
     return Shift(value=value, lower=value - half, upper=value + half)
 
 
-def treatments_csv(found: Sequence[Treatment]) -> bytes:
+def treatments_csv(changes: Sequence[Treatment]) -> bytes:
     """Return changes of G_f and d_f as shares, and of the exponent, with intervals of 95 %."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     what = ("G_f", "d_f", "exponent")
     writer.writerow(
-        ["treatment", "stacks", *(f"{own}{end}" for own in what for end in ("", "_lower", "_upper"))]
+        [
+            "treatment",
+            "stacks",
+            *(f"{quantity}{end}" for quantity in what for end in ("", "_lower", "_upper")),
+        ]
     )
-    for own in found:
+    for change in changes:
         shares = [
             f"{np.expm1(v):.4g}"
-            for one in (own.stiffness, own.damping)
-            for v in (one.value, one.lower, one.upper)
+            for shift in (change.stiffness, change.damping)
+            for v in (shift.value, shift.lower, shift.upper)
         ]
-        law = [f"{v:.4g}" for v in (own.exponent.value, own.exponent.lower, own.exponent.upper)]
-        writer.writerow([own.name, " ".join(f"{a}/{b}" for a, b in own.pairs), *shares, *law])
+        law = [f"{v:.4g}" for v in (change.exponent.value, change.exponent.lower, change.exponent.upper)]
+        writer.writerow([change.name, " ".join(f"{a}/{b}" for a, b in change.pairs), *shares, *law])
     return text.getvalue().encode()

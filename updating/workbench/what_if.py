@@ -23,7 +23,7 @@ from updating.diagnosis.explained_model import explained_stack, finer_ratio
 from updating.diagnosis.fit_settings import CONTACT
 from updating.errors import PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, frequency_error
-from updating.fitting.target import Prepared, partners, prepare, solve_every, stack_in_state, target_of_modes
+from updating.fitting.target import Prepared, partners, prepare, solve_all, stack_in_state, target_of_modes
 from updating.report.identified_model import identified_effects
 from updating.report.part import axis, chart, legend_above, single
 from updating.report.results import Results, Tested
@@ -154,7 +154,7 @@ def tried_model(
     stack = explained_stack(stated, ranked, known, state=tested.name, pressure=tested.pressure)
     plain = replace(stack, effects=(), effect_values={})
     (made,) = prepare([target_of_modes(plain.with_effects(*known), tested.measured)])
-    modes = solve_every(made, explained_values(stack), ()).elastic()
+    modes = solve_all(made, explained_values(stack), ()).elastic()
     ratio = finer_ratio(modes.frequency, ranked.modelled.get(tested.name, ()))
     return Tried(prepared=made, natural=modes.frequency, ratio=ratio)
 
@@ -192,7 +192,7 @@ def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
 def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
     """Solve the reduced model for some values of its parameters."""
     prepared = tried.prepared
-    solved = solve_every(prepared, values, ())
+    solved = solve_all(prepared, values, ())
     solved = replace(
         solved, frequency=solved.frequency * np.interp(solved.frequency, tried.natural, tried.ratio)
     )
