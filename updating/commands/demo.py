@@ -56,11 +56,11 @@ def shipped_data(name: str) -> Path:
     StoreError
         This installation lacks it.
     """
-    found = _CHECKOUT / name
-    if not found.is_dir():
-        found = _installed(name)
+    folder = _CHECKOUT / name
+    if not folder.is_dir():
+        folder = _installed(name)
     here = Path.cwd()
-    return found.relative_to(here) if found.is_relative_to(here) else found
+    return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
 def _installed(name: str) -> Path:
@@ -85,14 +85,20 @@ def _installed(name: str) -> Path:
 
 @single_threaded
 def demo_command(output: Path) -> None:
-    """Tell the whole story on the shipped campaign."""
+    """Take every step on the shipped campaign, and print what each shows."""
     campaign = shipped_data("demo_diagnosis") / "campaign.toml"
     _say(
         "A vibration test of a bolted stack of 240 sheets at two torques: a shaker, two accelerometers that rove over "
         "44 points. It was simulated with noise and tolerances by a model that shares nothing with this one."
     )
-    done = [one for one in fit_campaign(campaign, output, LEAST_MAC, OUT) if not isinstance(one, Failed)]
-    modes = " and ".join(f"{own.modal_model.frequency.size} at {own.modal_model.name}" for own, _ in done)
+    done = [
+        outcome
+        for outcome in fit_campaign(campaign, output, LEAST_MAC, OUT)
+        if not isinstance(outcome, Failed)
+    ]
+    modes = " and ".join(
+        f"{result.modal_model.frequency.size} at {result.modal_model.name}" for result, _ in done
+    )
     errors = " and ".join(f"{percent(fitted.error)} at {fitted.name}" for _, fitted in done)
     _say(f"1. Identify: {modes} are the modes that the functions show.")
     _say(f"2. Fit G_f and d_f: the model's frequencies are then off by {errors} in the mean.")
@@ -124,12 +130,12 @@ def _mode_by_mode(answer: Diagnosis) -> Table:
     table = Table(title="Frequency errors of the model", title_justify="left")
     for heading in ("mode", "measured [Hz]", "without [%]", "with [%]"):
         table.add_column(heading, justify="right")
-    for own in answer.errors:
+    for mode in answer.errors:
         table.add_row(
-            f"{own.configuration}, {own.mode}",
-            f"{own.frequency:.2f}",
-            f"{100 * own.base:+.2f}",
-            f"{100 * own.explained:+.2f}",
+            f"{mode.configuration}, {mode.mode}",
+            f"{mode.frequency:.2f}",
+            f"{100 * mode.base:+.2f}",
+            f"{100 * mode.explained:+.2f}",
         )
     return table
 
@@ -168,25 +174,25 @@ def reproduce_campaign(
     """
     data = read_published(folder.absolute())
     task = partial(_calibrated, data, tuple(effects), output.absolute())
-    found = tuple(in_parallel(task, calibrations, "calibrations", console, cluster))
+    results = tuple(in_parallel(task, calibrations, "calibrations", console, cluster))
     for name, content in (
-        ("table_6.csv", table_6_csv(found)),
-        ("table_7.csv", table_7_csv(found)),
-        ("parameters.csv", parameters_csv(found)),
-        ("figure_12.png", as_png(contact_figure(found, data))),
-        ("figures_13_to_15.png", as_png(treatment_figure(found, data))),
-        ("figure_16.png", as_png(error_figure(found))),
-        ("error_fall.png", as_png(fall_figure(found))),
-        ("error_pattern.png", as_png(pattern_figure(found))),
-        ("pressure_law.png", as_png(law_figure(found))),
+        ("table_6.csv", table_6_csv(results)),
+        ("table_7.csv", table_7_csv(results)),
+        ("parameters.csv", parameters_csv(results)),
+        ("figure_12.png", as_png(contact_figure(results, data))),
+        ("figures_13_to_15.png", as_png(treatment_figure(results, data))),
+        ("figure_16.png", as_png(error_figure(results))),
+        ("error_fall.png", as_png(fall_figure(results))),
+        ("error_pattern.png", as_png(pattern_figure(results))),
+        ("pressure_law.png", as_png(law_figure(results))),
     ):
         write_bytes(output / name, content)
-    changed = treated(data, found[0])
+    changed = treated(data, results[0])
     write_bytes(output / "treatments.csv", treatments_csv(changed))
-    console.print(f"What treatments change, under {found[0].calibration}, with intervals of 95 %:")
-    for own in changed:
-        console.print(f"  {own.sentence}", markup=False, highlight=False)
-    return found
+    console.print(f"What treatments change, under {results[0].calibration}, with intervals of 95 %:")
+    for treatment in changed:
+        console.print(f"  {treatment.sentence}", markup=False, highlight=False)
+    return results
 
 
 def _calibrated(data: Published, effects: tuple[str, ...], output: Path, calibration: str) -> Calibrated:

@@ -1,4 +1,4 @@
-"""The commands that ask what the model lacks, what changed, and which test would tell more."""
+"""The commands that ask what the model lacks, what changed, and which test would show more."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def _model_inputs(file: Path) -> tuple[Path, ...]:
 
 def changed_names(campaign: Campaign) -> frozenset[str]:
     """Return the configurations that have a reference, and those that repeat them."""
-    own = [c.name for c in campaign.configurations if c.compare_to]
-    return frozenset(repeats_of(campaign.configurations, own))
+    names = [c.name for c in campaign.configurations if c.compare_to]
+    return frozenset(repeats_of(campaign.configurations, names))
 
 
 def diagnose_changes(
@@ -94,39 +94,39 @@ def diagnose_changes(
         return ()
     models = _Models(campaign, tests, None if scatter_file is None else read_scatter(scatter_file))
     stated = () if scatter_file is None else (scatter_file,)
-    found = []
+    answers = []
     inputs = (campaign_file, *_model_inputs(campaign.stack), *stated)
     for change in changes:
         console.print(f"{change_sentence(change)}.", markup=False, highlight=False)
         try:
             with progress(f"what changed in {change.name}", console):
-                own = models.kept(change, inputs, keep=keep)
+                answer = models.kept(change, inputs, keep=keep)
         except FitError as error:
             console.print(f"{change.name}, what and where: {error}", markup=False, highlight=False)
             continue
-        for sentence in own.sentences:
+        for sentence in answer.sentences:
             console.print(f"  {sentence}", markup=False, highlight=False)
-        found.append(own)
-    return tuple(found)
+        answers.append(answer)
+    return tuple(answers)
 
 
 class _Models:
-    """The model of a campaign's structure, and its fits to references, each made when it is first asked for."""
+    """The model of a campaign's structure, and its fits to references, each made at its first use."""
 
     def __init__(
         self, campaign: Campaign, tests: Sequence[Identified], scatter: DiagnosisScatter | None
     ) -> None:
         self.campaign, self.scatter = campaign, scatter
-        self.tested = {own.configuration.name: own for own in tests}
+        self.tested = {test.configuration.name: test for test in tests}
         file = model_file(campaign, "what changed")
         self.model = read_matrices(file) if is_structure_file(file) else read_stack(file)
         self.fitted: dict[tuple[str, ...], FittedReference] = {}
 
     def _campaigned(self, name: str) -> Campaigned:
-        own, pressure = self.tested[name], float("nan")
+        test, pressure = self.tested[name], float("nan")
         if isinstance(self.model, Stack):
-            pressure = stack_in_state(self.model, own.configuration).contact.pressure
-        return name, pressure, own.modal_model
+            pressure = stack_in_state(self.model, test.configuration).contact.pressure
+        return name, pressure, test.modal_model
 
     def kept(self, change: Change, inputs: tuple[Path, ...], *, keep: bool) -> WhatChanged:
         """Return what changed in a state as an earlier run left it, or find it and write it."""
@@ -211,16 +211,16 @@ def diagnose_command(
             markup=False,
         )
         return
-    found = diagnose_campaign(
+    diagnosis = diagnose_campaign(
         campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster, keep=keep
     )
-    for sentence in found.sentences:
+    for sentence in diagnosis.sentences:
         OUT.print(sentence, highlight=False, markup=False)
-    OUT.print(diagnosis_table(found))
+    OUT.print(diagnosis_table(diagnosis))
     print_measurement_findings(campaign, output, keep=keep)
     options = [("--effect-file", str(path)) for path in effect_file]
     options += [] if scatter is None else [("--scatter", str(scatter))]
-    added = next_command(found, str(campaign), str(output), options)
+    added = next_command(diagnosis, str(campaign), str(output), options)
     if added is not None:
         OUT.print(f"Add it and see the error fall: {added}", highlight=False, markup=False, soft_wrap=True)
     OUT.print(
@@ -250,7 +250,7 @@ def diagnose_campaign(
     if is_structure_file(stack_file):
         return _diagnose_matrices(campaign, stack_file, output, scatter_file, asked, keep=keep)
     stack, known = read_stack(stack_file), catalogue(effect_files)
-    changed = changed_names(campaign)  # what a change did to a state is nothing that the model lacks
+    changed = changed_names(campaign)  # what a change did to a state is no effect that the model lacks
     states = [stack_in_state(stack, c) for c in campaign.configurations if c.name not in changed]
     heights = {state.height for state in states}
     if len(heights) > 1:
@@ -260,18 +260,19 @@ def diagnose_campaign(
         )
         raise FitError(message)
     assigned = [
-        own for own in assignments(campaign, output, keep=keep) if own.configuration.name not in changed
+        assignment
+        for assignment in assignments(campaign, output, keep=keep)
+        if assignment.configuration.name not in changed
     ]
     tests = every_identified(assigned, "identify", console, cluster)
     _require_force(campaign_file, tests)
-    over = [over_amplitude(own, found) for own, found in zip(assigned, tests, strict=True)]
+    over = [over_amplitude(assignment, test) for assignment, test in zip(assigned, tests, strict=True)]
     tested, levels = by_level(states, tests, over)
 
     def make() -> Diagnosis:
         with workers(MESSAGES, cluster) as executor, progress("diagnose", console):
-            own = replace(stack, height=states[0].height)
             return diagnose_stack(
-                own,
+                replace(stack, height=states[0].height),
                 tested,
                 known,
                 scatter=scatter,
@@ -281,8 +282,10 @@ def diagnose_campaign(
                 levels=levels,
             )
 
-    modal = [found.folder / "modal_model.json" for found in tests]
-    modal += [found.folder / AMPLITUDE for found, own in zip(tests, over, strict=True) if own is not None]
+    modal = [test.folder / "modal_model.json" for test in tests]
+    modal += [
+        test.folder / AMPLITUDE for test, amplitude in zip(tests, over, strict=True) if amplitude is not None
+    ]
     stated = () if scatter_file is None else (scatter_file,)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
     path = output / "diagnosis.json"
@@ -302,7 +305,7 @@ def _diagnose_matrices(
     from updating.diagnosis.matrices_answer import diagnose_matrices
 
     tests = every_identified(assignments(campaign, output, keep=keep), "identify", OUT)
-    tested = [(found.configuration.name, found.modal_model) for found in tests]
+    tested = [(test.configuration.name, test.modal_model) for test in tests]
 
     def make() -> Diagnosis:
         with progress("diagnose", OUT):
@@ -310,7 +313,7 @@ def _diagnose_matrices(
             return diagnose_matrices(read_matrices(file), tested, scatter=scatter, asked=asked)
 
     stated = () if scatter_file is None else (scatter_file,)
-    modal = [found.folder / "modal_model.json" for found in tests]
+    modal = [test.folder / "modal_model.json" for test in tests]
     inputs = (campaign.path, *matrices_inputs(file), *stated, *modal)
     return _kept(output / "diagnosis.json", make, inputs, asked, keep=keep)
 
@@ -324,20 +327,20 @@ def _kept(
     keep: bool,
 ) -> Diagnosis:
     """Return the diagnosis that an earlier run left, or make it where there is none or it lacks what is asked for."""
-    found = kept(path, Diagnosis, make, inputs=inputs, options={}, keep=keep)
-    if all(found.has(effects) for effects in asked):
-        return found
-    found = make()
-    write_result(path, found, inputs=inputs, options={})
-    return found
+    diagnosis = kept(path, Diagnosis, make, inputs=inputs, options={}, keep=keep)
+    if all(diagnosis.has(effects) for effects in asked):
+        return diagnosis
+    diagnosis = make()
+    write_result(path, diagnosis, inputs=inputs, options={})
+    return diagnosis
 
 
 def _require_force(campaign_file: Path, tests: Sequence[Identified]) -> None:
     """Refuse modes of another program without the place of the force, where the shaker hangs."""
     unknown = [
-        found.configuration.name
-        for found in tests
-        if found.configuration.has_modes and not any(group.input for group in found.configuration.files)
+        test.configuration.name
+        for test in tests
+        if test.configuration.has_modes and not any(group.input for group in test.configuration.files)
     ]
     if unknown:
         message = (
@@ -350,25 +353,27 @@ def _require_force(campaign_file: Path, tests: Sequence[Identified]) -> None:
 def by_level(
     states: Sequence[Stack], tests: Sequence[Identified], over: Sequence[OverAmplitude | None]
 ) -> tuple[list[Campaigned], dict[str, AtLevel]]:
-    """Return configurations for a diagnosis, each force level as one of its own, and which level each is."""
+    """Return configurations for a diagnosis, each force level as a separate one, and which level each is."""
     tested: list[Campaigned] = []
     levels = {}
-    for state, found, own in zip(states, tests, over, strict=True):
+    for state, test, amplitude in zip(states, tests, over, strict=True):
         pressure = state.contact.pressure
-        if own is None:
-            tested.append((found.configuration.name, pressure, found.modal_model))
+        if amplitude is None:
+            tested.append((test.configuration.name, pressure, test.modal_model))
             continue
-        each = zip(own.dependence.level, own.level, own.rms_motion, own.motion, strict=True)
-        for name, modes, rms, motion in each:
+        by_force = zip(
+            amplitude.dependence.level, amplitude.level, amplitude.rms_motion, amplitude.motion, strict=True
+        )
+        for name, modes, rms, motion in by_force:
             tested.append((name, pressure, modes))
-            levels[name] = AtLevel(state=found.configuration.name, rms_motion=rms, motion=motion)
+            levels[name] = AtLevel(state=test.configuration.name, rms_motion=rms, motion=motion)
     return tested, levels
 
 
 def print_measurement_findings(campaign_file: Path, output: Path, *, keep: bool = False) -> None:
-    """Print what was found of the measurement that an answer rests on."""
+    """Print the findings about the measurement on which an answer rests."""
     results = every_identified(assignments(read_campaign(campaign_file), output, keep=keep), "identify", OUT)
-    followed = [found.configuration.name for found in results if stored_amplitude(found) is not None]
+    followed = [result.configuration.name for result in results if stored_amplitude(result) is not None]
     for sentence in measurement_findings(results, followed):
         OUT.print(sentence, highlight=False, markup=False)
 
@@ -379,13 +384,13 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
     table.add_column("effects", no_wrap=True)
     for name in ("proba-\nbility", "explained\n[%]", "f error\n[%]", "left out\n[%]"):
         table.add_column(name, justify="right")
-    for own in diagnosis.shown(MOST_EXPLANATIONS):
+    for explanation in diagnosis.shown(MOST_EXPLANATIONS):
         table.add_row(
-            " +\n".join(own.effects) or "none",
-            f"{own.probability:.3f}",
-            f"{100 * own.explained:.0f}",
-            f"{100 * own.frequency_error:.2g}",
-            f"{100 * own.left_out_error:.2g}",
+            " +\n".join(explanation.effects) or "none",
+            f"{explanation.probability:.3f}",
+            f"{100 * explanation.explained:.0f}",
+            f"{100 * explanation.frequency_error:.2g}",
+            f"{100 * explanation.left_out_error:.2g}",
         )
     return table
 
@@ -403,12 +408,12 @@ def next_test_command(
     if identify_anew:
         forget_choices(output)
     read_stack(model_file(read_campaign(campaign), "a further test"))  # tests are of stacks
-    found = diagnose_campaign(campaign, output, effect_file, OUT, scatter_file=scatter)
-    if not found.next_tests:
-        OUT.print(f"Nothing to separate: the verdict is {found.verdict!r}.", highlight=False)
+    diagnosis = diagnose_campaign(campaign, output, effect_file, OUT, scatter_file=scatter)
+    if not diagnosis.next_tests:
+        OUT.print(f"Nothing to separate: the verdict is {diagnosis.verdict!r}.", highlight=False)
     else:
-        OUT.print(next_test_table(found))
-    further = second_level_text(found)
+        OUT.print(next_test_table(diagnosis))
+    further = second_level_text(diagnosis)
     if further is not None:
         OUT.print(further, highlight=False, markup=False)
     print_measurement_findings(campaign, output)

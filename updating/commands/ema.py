@@ -72,18 +72,18 @@ def ema_command(
     keep: bool,
     identify_anew: bool,
 ) -> None:
-    """Identify every configuration of a campaign, and print what was found."""
+    """Identify every configuration of a campaign, and print modes, comparison and findings."""
     if identify_anew:
         forget_choices(output)
     results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)
-    for found in results:
-        OUT.print(modes_table(found.modal_model, found.quality.explained))
-        print_findings(found)
-        print_amplitude(found)
+    for result in results:
+        OUT.print(modes_table(result.modal_model, result.quality.explained))
+        print_findings(result)
+        print_amplitude(result)
     if comparison is not None and len(results) > 1:
         for table in comparison_tables(comparison, OUT.width):
             OUT.print(table)
-        for repeat in repeats([found.configuration for found in results], comparison):
+        for repeat in repeats([result.configuration for result in results], comparison):
             OUT.print(f"  {repeat.finding}", markup=False, highlight=False)
     print_campaign_findings(results)
     print_changes(read_campaign(campaign), results)
@@ -112,13 +112,13 @@ def identify_campaign(
     campaign = read_campaign(campaign_file)
     assigned = assignments(campaign, output, poles, keep=keep)
     task = partial(attempted, _identify)
-    every = tuple(in_parallel(task, assigned, "identify", console, cluster))
-    results = tuple(found for found in every if not isinstance(found, Failed))
-    failed = tuple(found for found in every if isinstance(found, Failed))
+    outcomes = tuple(in_parallel(task, assigned, "identify", console, cluster))
+    results = tuple(outcome for outcome in outcomes if not isinstance(outcome, Failed))
+    failed = tuple(outcome for outcome in outcomes if isinstance(outcome, Failed))
     if not results:
         return results, None, failed
-    configurations = [found.configuration for found in results]
-    comparison = compare([found.modal_model for found in results])
+    configurations = [result.configuration for result in results]
+    comparison = compare([result.modal_model for result in results])
     write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
     for number, repeat in enumerate(repeats(configurations, comparison), start=1):
         write_result(output / f"repeats_{number}.json", repeat, inputs=(campaign.path,), options={})
@@ -128,12 +128,12 @@ def identify_campaign(
 
 
 def _identify(assigned: Assignment) -> Identified:
-    found = identified(assigned)
-    _write_tables_and_pictures(found, keep_poles=assigned.poles is not None)
-    levels = over_amplitude(assigned, found)
+    result = identified(assigned)
+    _write_tables_and_pictures(result, keep_poles=assigned.poles is not None)
+    levels = over_amplitude(assigned, result)
     if levels is not None:
-        write_bytes(found.folder / "amplitude.png", as_png(amplitude_figure(levels.dependence)))
-    return found
+        write_bytes(result.folder / "amplitude.png", as_png(amplitude_figure(levels.dependence)))
+    return result
 
 
 def _abscissa(configurations: Sequence[Configuration]) -> tuple[NDArray[np.float64], str]:
@@ -145,9 +145,9 @@ def _abscissa(configurations: Sequence[Configuration]) -> tuple[NDArray[np.float
     return np.arange(1.0, len(configurations) + 1.0), "configuration [number in the campaign file]"
 
 
-def _write_tables_and_pictures(found: Identified, *, keep_poles: bool) -> None:
+def _write_tables_and_pictures(result: Identified, *, keep_poles: bool) -> None:
     """Write what is made from a modal model, but not over the poles of the user that it was made from."""
-    folder, modes = found.folder, found.modal_model
+    folder, modes = result.folder, result.modal_model
     is_drawn = bool(np.isin(modes.node, modes.geometry.node).any())
     last = folder / (f"shape_{modes.frequency.size:02d}.png" if is_drawn else "shapes.csv")
     if last.exists() and last.stat().st_mtime_ns >= (folder / "modal_model.json").stat().st_mtime_ns:
@@ -184,8 +184,8 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
         + (f", read from {Path(measured.read_from).name}" if measured.read_from else ""),
         title_justify="left",
     )
-    found = complexity(measured)
-    notable = bool(np.any(found.is_complex))
+    complexities = complexity(measured)
+    notable = bool(np.any(complexities.is_complex))
     columns = ["mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]"]
     columns += [] if measured.read_from else ["explained [%]", "least, channel"]
     for name in (*columns, *(("MPC",) if notable else ())):
@@ -195,7 +195,7 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
         cells = [str(r + 1), frequency_text(f, 3), f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}"]
         if not measured.read_from:
             cells += _explained(explained.around[r], explained.share[:, r], explained.channel)
-        table.add_row(*cells, *((f"{found.mpc[r]:.3f}",) if notable else ()))
+        table.add_row(*cells, *((f"{complexities.mpc[r]:.3f}",) if notable else ()))
     if not measured.read_from:
         whole = _explained(explained.mean, explained.whole, explained.channel)
         table.add_row("all", "", "", "", "", *whole)
@@ -233,45 +233,45 @@ def _comparison_table(comparison: Comparison, modes: slice, names: int) -> Table
     table.add_column("", min_width=names, overflow="fold")
     for f in np.nanmean(frequency, axis=0):
         table.add_column(f"{frequency_text(f, 0)} Hz", justify="right", no_wrap=True)
-    for name, *own in zip(comparison.name, frequency, damping, strict=True):
+    for name, *values in zip(comparison.name, frequency, damping, strict=True):
         cells = (
             "-" if np.isnan(f) else f"{frequency_text(f, 1)}  {100 * x:.2f}"
-            for f, x in zip(*own, strict=True)
+            for f, x in zip(*values, strict=True)
         )
         table.add_row(name, *cells)
     return table
 
 
-def print_findings(found: Identified) -> None:
-    """Print what the checks of a measurement found."""
-    for line in found.quality.findings:
+def print_findings(result: Identified) -> None:
+    """Print the findings of the checks of a measurement."""
+    for line in result.quality.findings:
         OUT.print(f"  {line}", markup=False, highlight=False)
 
 
-def print_amplitude(found: Identified) -> None:
+def print_amplitude(result: Identified) -> None:
     """Print a configuration's modes over amplitude, where it has several force levels."""
-    over = stored_amplitude(found)
+    over = stored_amplitude(result)
     if over is not None:
         OUT.print(amplitude_table(over.dependence))
         for line in over.findings:
             OUT.print(f"  {line}", markup=False, highlight=False)
-    elif found.configuration.force_levels:
-        text = f"  {found.configuration.name}: with its own force_N, its modes over amplitude would be shown"
+    elif result.configuration.force_levels:
+        text = f"  {result.configuration.name}: with its own force_N, its modes over amplitude would be shown"
         OUT.print(text, markup=False, highlight=False)
 
 
-def amplitude_table(found: AmplitudeDependence) -> Table:
+def amplitude_table(dependence: AmplitudeDependence) -> Table:
     """List every mode that two levels have over the force: motion, frequency and damping."""
     table = Table(
-        title=f"{found.name} over amplitude: motion at {found.point} [µm], frequency [Hz], damping [%]",
+        title=f"{dependence.name} over amplitude: motion at {dependence.point} [µm], frequency [Hz], damping [%]",
         title_justify="left",
     )
     table.add_column("force [N]", justify="right")
-    shown = np.flatnonzero(np.isfinite(found.softening))
+    shown = np.flatnonzero(np.isfinite(dependence.softening))
     for r in shown:
-        table.add_column(f"{frequency_text(np.nanmean(found.frequency[:, r]), 0)} Hz", justify="right")
-    for k, force in enumerate(found.force):
-        values = zip(found.motion[k], found.frequency[k], found.damping[k], strict=True)
+        table.add_column(f"{frequency_text(np.nanmean(dependence.frequency[:, r]), 0)} Hz", justify="right")
+    for k, force in enumerate(dependence.force):
+        values = zip(dependence.motion[k], dependence.frequency[k], dependence.damping[k], strict=True)
         cells = [
             f"{1e6 * x:.3g}  {frequency_text(f, 2)}  {100 * d:.3g}" if np.isfinite(f) else "-"
             for x, f, d in values
@@ -283,30 +283,30 @@ def amplitude_table(found: AmplitudeDependence) -> Table:
 def print_changes(campaign: Campaign, results: Sequence[Identified]) -> None:
     """Compare configurations with their references, print what changed, and write it beside their modes."""
     changes, lost = compared(campaign, results)
-    for found in changes:
-        OUT.print(change_table(found))
-        OUT.print(f"  {change_sentence(found)}", markup=False, highlight=False)
+    for change in changes:
+        OUT.print(change_table(change))
+        OUT.print(f"  {change_sentence(change)}", markup=False, highlight=False)
     for line in lost:
         OUT.print(f"  {line}", markup=False, highlight=False)
 
 
-def change_table(found: Change) -> Table:
+def change_table(change: Change) -> Table:
     """List every mode that a state and its reference have: shifts with their scatter, MAC, and what changed."""
-    table = Table(title=f"{found.name} against {', '.join(found.reference)}", title_justify="left")
+    table = Table(title=f"{change.name} against {', '.join(change.reference)}", title_justify="left")
     for name in ("mode", "f [Hz]", "shift [%]", "± [%]", "damping shift [%]", "± [%]", "MAC"):
         table.add_column(name, justify="right")
     table.add_column("changed")
     columns = (
-        found.frequency_shift,
-        found.frequency_scatter,
-        found.damping_shift,
-        found.damping_scatter,
-        found.mac,
+        change.frequency_shift,
+        change.frequency_scatter,
+        change.damping_shift,
+        change.damping_scatter,
+        change.mac,
     )
     for r, (f, f_std, d, d_std, mac) in enumerate(zip(*columns, strict=True)):
-        which = [name for name, own in zip(KINDS, found.which[r], strict=True) if own]
+        which = [name for name, changed in zip(KINDS, change.which[r], strict=True) if changed]
         table.add_row(
-            str(found.reference_mode[r] + 1), f"{found.reference_frequency[r]:.2f}", f"{100 * np.expm1(f):+.3f}",
+            str(change.reference_mode[r] + 1), f"{change.reference_frequency[r]:.2f}", f"{100 * np.expm1(f):+.3f}",
             f"{100 * f_std:.2g}", f"{100 * np.expm1(d):+.0f}", f"{100 * d_std:.0f}", f"{mac:.3f}", ", ".join(which),
         )  # fmt: skip
     return table

@@ -82,18 +82,18 @@ def fit_command(
         _print_table_fit(campaign, output, effect, known, cluster)
         return
     fits, done, failed = [], list[Identified](), []
-    for one in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
-        if isinstance(one, Failed):
-            failed.append(one)
+    for outcome in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
+        if isinstance(outcome, Failed):
+            failed.append(outcome)
             continue
-        found, fitted = one
-        done.append(found)
-        OUT.print(_table(found.modal_model, fitted))
-        print_findings(found)
+        result, fitted = outcome
+        done.append(result)
+        OUT.print(_table(result.modal_model, fitted))
+        print_findings(result)
         for line in fitted.findings:
             OUT.print(f"  {line}", markup=False, highlight=False)
         if effect:  # without, models of a campaign of any length are not held
-            fits.append(one)
+            fits.append(outcome)
     print_campaign_findings(done)
     if fits and effect:
         asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file), scatter_file=scatter)
@@ -144,17 +144,17 @@ def fit_campaign(
 def _identify_and_fit(
     stack: Stack, stack_files: tuple[Path, ...], threshold: float, assigned: Assignment
 ) -> tuple[Identified, Fit]:
-    found = identified(assigned)
-    inputs = (assigned.campaign.path, *stack_files, found.folder / "modal_model.json")
+    result = identified(assigned)
+    inputs = (assigned.campaign.path, *stack_files, result.folder / "modal_model.json")
     options = {"threshold": threshold}
 
     def make() -> Fit:
-        state = stack_in_state(stack, found.configuration)
-        return fit_configuration(state, found.modal_model, threshold=threshold)
+        state = stack_in_state(stack, result.configuration)
+        return fit_configuration(state, result.modal_model, threshold=threshold)
 
-    fitted = kept(found.folder / "fit.json", Fit, make, inputs=inputs, options=options, keep=assigned.keep)
-    kept(found.folder / "modes.json", Modes, lambda: fitted.modes, inputs=inputs, options=options)
-    return found, fitted
+    fitted = kept(result.folder / "fit.json", Fit, make, inputs=inputs, options=options, keep=assigned.keep)
+    kept(result.folder / "modes.json", Modes, lambda: fitted.modes, inputs=inputs, options=options)
+    return result, fitted
 
 
 def fit_modal_table(
@@ -204,16 +204,16 @@ def campaign_ledger(
     heights = {fitted.stack.height for _, fitted in fits if isinstance(fitted, Fit)}
     if len(heights) < 2:
         together = [*((name,) for name in effects), *([effects] if len(effects) > 1 else [])]
-        found = diagnose_campaign(
+        diagnosis = diagnose_campaign(
             campaign, output, asked.effect_files, OUT, scatter_file=asked.scatter_file, asked=together
         )
-        entries = tuple(entry_of(found.ranked(names)) for names in ((), *together))
+        entries = tuple(entry_of(diagnosis.ranked(names)) for names in ((), *together))
     else:
         added = find_effects(effects, catalogue(asked.effect_files))
-        stacks = [(found, fitted) for found, fitted in fits if isinstance(fitted, Fit)]
+        stacks = [(result, fitted) for result, fitted in fits if isinstance(fitted, Fit)]
         stack = read_stack(model_file(read_campaign(campaign), "a fit"))
         entries = _together(_by_height(stacks, stack, heights), added, cluster)
-    modal = (found.folder / "modal_model.json" for found, _ in fits)
+    modal = (result.folder / "modal_model.json" for result, _ in fits)
     write_ledger(entries, {"effects": list(effects)}, (campaign, *asked.effect_files, *modal), output)
     return entries
 
@@ -231,8 +231,8 @@ def _by_height(fits: Sequence[tuple[Identified, Fit]], stack: Stack, heights: se
     specimens = []
     for height in sorted(heights):
         tested = tuple(
-            (found.configuration.name, fitted.stack.contact.pressure, found.modal_model)
-            for found, fitted in fits
+            (result.configuration.name, fitted.stack.contact.pressure, result.modal_model)
+            for result, fitted in fits
             if fitted.stack.height == height
         )
         name = specimen_name(stack.name, height, heights)
@@ -270,8 +270,8 @@ def table_ledger(
             for row in table.rows
         ]
     )
-    fits = [fit_shared_opt_G(prepared, names) for names in ((), *((own,) for own in effects))]
-    if len(effects) > 1:  # all together begin with the best one, too, than which they may not come out worse
+    fits = [fit_shared_opt_G(prepared, names) for names in ((), *((effect,) for effect in effects))]
+    if len(effects) > 1:  # all together start at the best one as well, so that they are no worse
         best = min(fits, key=lambda fit: fit.objective)
         fits.append(fit_shared_opt_G(prepared, tuple(effects), first=best))
     entries = tuple(map(_opt_G_entry, fits))
@@ -291,7 +291,7 @@ def _opt_G_entry(fit: SharedFit) -> Entry:
         mode_damping_error=nan,
         configuration_damping_error=nan,
         chi_square=nan,
-        n_residual=int(sum(np.isfinite(own).sum() for own in fit.measured)),
+        n_residual=int(sum(np.isfinite(frequency).sum() for frequency in fit.measured)),
         shared=fit.parameter,
     )
 

@@ -93,22 +93,22 @@ class Explained:
 def explain(
     name: str, stack_file: Path | None, output: Path | None, files: Iterable[Path], console: Console
 ) -> Explained:
-    """Find an effect, check it if it is the user's own, and try it on the stack; with `output` draw that."""
+    """Find an effect, check it if the user wrote it, and try it on the stack; with `output` draw that."""
     shipped = catalogue()
     (effect,) = find_effects([name], catalogue(files))
     with bar(console) as progress:
         task = progress.add_task("explain", total=2)
         faults = () if effect.name in shipped else effect_faults(effect)
         progress.advance(task)
-        found = None
+        shown = None
         if stack_file is not None and not faults:
             from updating.diagnosis.signature import signature, signature_figure
 
-            found = signature(read_stack(stack_file), effect)
+            shown = signature(read_stack(stack_file), effect)
             if output is not None:
-                write_bytes(output / f"{effect.name}.png", as_png(signature_figure(found)))
+                write_bytes(output / f"{effect.name}.png", as_png(signature_figure(shown)))
         progress.advance(task)
-    return Explained(effect=effect, faults=faults, signature=found)
+    return Explained(effect=effect, faults=faults, signature=shown)
 
 
 def effect_tables(known: dict[str, Effect]) -> tuple[Table, ...]:
@@ -152,11 +152,13 @@ def parameter_table(effect: Effect) -> Table:
     return table
 
 
-def signature_table(found: Signature) -> Table:
+def signature_table(signature: Signature) -> Table:
     """List what an effect does to the first modes at each pressure."""
-    values = ", ".join(f"{name} = {value:g}" for name, value in found.strength.items())
+    values = ", ".join(f"{name} = {value:g}" for name, value in signature.strength.items())
     turned = [
-        name for name, like in zip(found.mode, found.likeness.T, strict=True) if like.min() < _SAME_SHAPE
+        name
+        for name, like in zip(signature.mode, signature.likeness.T, strict=True)
+        if like.min() < _SAME_SHAPE
     ]
     table = Table(
         title=f"What it does at {values}",
@@ -168,9 +170,11 @@ def signature_table(found: Signature) -> Table:
     )
     table.add_column("pressure", justify="right")
     table.add_column("change of")
-    for name, f in zip(found.mode, found.base_frequency.T, strict=True):
+    for name, f in zip(signature.mode, signature.base_frequency.T, strict=True):
         table.add_column(f"{name}\n{f[0]:.0f} to {f[-1]:.0f} Hz", justify="right")
-    rows = zip(found.pressure, 100.0 * found.frequency_change, 100.0 * found.damping_change, strict=True)
+    rows = zip(
+        signature.pressure, 100.0 * signature.frequency_change, 100.0 * signature.damping_change, strict=True
+    )
     for pressure, frequency, damping in rows:
         at = f"{pressure / 1e3:g} kPa"
         table.add_row(at, "frequency [%]", *(f"{x:+.2f}" for x in frequency))
@@ -230,16 +234,16 @@ def identify_and_fit_matrices(
     file: Path, threshold: float, assigned: Assignment
 ) -> tuple[Identified, MatricesFit]:
     """Identify a configuration and fit the stated terms of a structure to it; what an earlier run left is read back."""
-    found = identified(assigned)
-    inputs = (assigned.campaign.path, *matrices_inputs(file), found.folder / "modal_model.json")
+    result = identified(assigned)
+    inputs = (assigned.campaign.path, *matrices_inputs(file), result.folder / "modal_model.json")
 
     from updating.diagnosis.matrices_answer import MatricesFit, fit_matrices
 
     def make() -> MatricesFit:
-        return fit_matrices(read_matrices(file), found.modal_model, threshold=threshold)
+        return fit_matrices(read_matrices(file), result.modal_model, threshold=threshold)
 
-    path, options = found.folder / "fit.json", {"threshold": threshold}
-    return found, kept(path, MatricesFit, make, inputs=inputs, options=options, keep=assigned.keep)
+    path, options = result.folder / "fit.json", {"threshold": threshold}
+    return result, kept(path, MatricesFit, make, inputs=inputs, options=options, keep=assigned.keep)
 
 
 def solve_matrices(file: Path, output: Path, n_mode: int, console: Console) -> Table:
@@ -289,10 +293,10 @@ def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
     """Put measured beside fitted modes, with the MAC before, and what was fitted below."""
     pairs = correlate(measured, fit.modes, fit.pairing)
     moved = [
-        f"{own.label} {quantity(own.value, own.unit)} ± {quantity(Z95 * own.std, own.unit, own.value)}"
-        f" (stated {own.stated:g})"
-        for own in fit.moved
-        if not own.name.startswith("gain")
+        f"{p.label} {quantity(p.value, p.unit)} ± {quantity(Z95 * p.std, p.unit, p.value)}"
+        f" (stated {p.stated:g})"
+        for p in fit.moved
+        if not p.name.startswith("gain")
     ]
     left_over = [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]
     caption = (
@@ -392,11 +396,11 @@ def solve(
             write_result(output / "pressure.json", pressure, inputs=inputs, options={})
             write_bytes(output / "pressure.png", as_png(pressure_figure(field)))
         progress.advance(task)
-        system, every, verification = solve_verified(
+        system, all_modes, verification = solve_verified(
             stack, n_mode=n_rigid(stack) + n_mode, observation=class_grid(stack), tolerance=tolerance
         )
-        modes = every.elastic()
-        verification = replace(verification, error=verification.error[every.n_rigid :])
+        modes = all_modes.elastic()
+        verification = replace(verification, error=verification.error[all_modes.n_rigid :])
         write_result(output / "modes.json", modes, inputs=inputs, options=options)
         write_result(output / "verification.json", verification, inputs=inputs, options=options)
         progress.advance(task)

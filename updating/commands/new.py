@@ -17,16 +17,16 @@ def new_command(folder: Path) -> None:
     if structure is not None:
         OUT.print(f"Structure: {structure}; fill in units and reduction.band_Hz, and what may vary.")
     modes = draft_modes(folder)
-    found = draft(folder) if modes is None else modes.found
-    file = draft_file(found) if modes is None else modes_draft_file(modes)
-    path = write_draft(found, file)
+    drafted = draft(folder) if modes is None else modes.found
+    file = draft_file(drafted) if modes is None else modes_draft_file(modes)
+    path = write_draft(drafted, file)
     for name, files in ({} if modes is None else modes.files).items():
         OUT.print(f"  {name}: modes in {', '.join(f.name for f in files)}", markup=False, highlight=False)
-    for name, contents in found.configurations.items():
+    for name, contents in drafted.configurations.items():
         n_frf = sum(len(c.dofs) for c in contents)
         held = "time histories" if any(c.is_time for c in contents) else f"{n_frf} functions"
         OUT.print(f"  {name}: {len(contents)} files, {held}", markup=False, highlight=False)
-    for line in found.left_out:
+    for line in drafted.left_out:
         OUT.print(f"  left out: {line}", markup=False, highlight=False, soft_wrap=True)
     OUT.print(f"Campaign: {path}; look at what is marked as guessed.")
     OUT.print("To be filled in, since the files do not tell:")

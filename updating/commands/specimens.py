@@ -85,44 +85,44 @@ def _specimens(
         if measured is None
         else every_identified(assignments(measured, output), "identify", console, cluster)
     )
-    of = {own.configuration.name: own.modal_model for own in tests}
-    modal = (own.folder / "modal_model.json" for own in tests)
-    return campaign, specimens_of(campaign, of.__getitem__), (*campaign.inputs, *modal)
+    by_name = {test.configuration.name: test.modal_model for test in tests}
+    modal = (test.folder / "modal_model.json" for test in tests)
+    return campaign, specimens_of(campaign, by_name.__getitem__), (*campaign.inputs, *modal)
 
 
-def print_pooled(found: PooledDiagnosis, output: Path, console: Console) -> None:
+def print_pooled(diagnosis: PooledDiagnosis, output: Path, console: Console) -> None:
     """Print the answer, the explanations and the specimens."""
-    for sentence in found.sentences:
+    for sentence in diagnosis.sentences:
         console.print(sentence, highlight=False, markup=False)
-    console.print(pooled_table(found))
-    console.print(specimen_table(found))
+    console.print(pooled_table(diagnosis))
+    console.print(specimen_table(diagnosis))
     console.print(
         f"Results in {output}; make a page of them: lamella report {output}", highlight=False, markup=False
     )
 
 
-def pooled_table(found: PooledDiagnosis) -> Table:
+def pooled_table(diagnosis: PooledDiagnosis) -> Table:
     """Return the explanations that were fitted in full, the most probable first."""
     table = Table(title="Explanations", title_justify="left")
     table.add_column("effects, and whose they are")
     for name in ("proba-\nbility", "f error\n[%]", "specimen\nleft out\n[%]", "torque\nleft out\n[%]"):
         table.add_column(name, justify="right")
-    for own in found.ranking[:MOST_EXPLANATIONS]:
+    for explanation in diagnosis.ranking[:MOST_EXPLANATIONS]:
         table.add_row(
-            explanation_text(own),
-            f"{own.probability:.3f}",
-            f"{100 * own.frequency_error:.2g}",
-            f"{100 * own.left_out_error:.2g}",
-            f"{100 * own.left_out_torque_error:.2g}",
+            explanation_text(explanation),
+            f"{explanation.probability:.3f}",
+            f"{100 * explanation.frequency_error:.2g}",
+            f"{100 * explanation.left_out_error:.2g}",
+            f"{100 * explanation.left_out_torque_error:.2g}",
         )
     return table
 
 
-def specimen_table(found: PooledDiagnosis) -> Table:
+def specimen_table(diagnosis: PooledDiagnosis) -> Table:
     """Return all specimens with their contact parameters and errors."""
     table = Table(title="Specimens", title_justify="left")
     for name in SPECIMEN_HEADER:
         table.add_column(name, overflow="fold")
-    for own in found.specimens:
-        table.add_row(*specimen_row(own))
+    for specimen in diagnosis.specimens:
+        table.add_row(*specimen_row(specimen))
     return table

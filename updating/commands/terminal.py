@@ -36,18 +36,18 @@ class LiteralConsole(Console):
         """Print as any console does, but into a file or pipe no table narrower than its words: cells would be empty."""
         page = self.width
         if not self.is_terminal:
-            self.width = max([page, *(self._needed(each) for each in objects if isinstance(each, Table))])
+            self.width = max([page, *(self._needed(table) for table in objects if isinstance(table, Table))])
         super().print(*objects, **options)
         self.width = page
 
     def _needed(self, table: Table) -> int:
         """Return the width of a table in which no word of it is cut."""
-        wide, found = self.options.update(width=_WIDEST), 1
+        wide, width = self.options.update(width=_WIDEST), 1
         for column in table.columns:
             cells = [Measurement.get(self, wide, cell) for cell in (column.header, *column.cells)]
             words = max(cell.maximum if column.no_wrap else cell.minimum for cell in cells)
-            found += max(words, column.min_width or 0, column.width or 0) + 3  # its frame
-        return found
+            width += max(words, column.min_width or 0, column.width or 0) + 3  # its frame
+        return width
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Return a string as what is printed of it, in tables too."""

@@ -51,7 +51,7 @@ _WITHOUT = {
     "start of contact parameters": "every fit starts where frequencies are met best",
     "scatter.shape": "the noise of shapes is estimated from what no mode of the model reaches",
 }
-"""What is said of keys that an earlier fit took."""
+"""What the output says of keys that an earlier fit took."""
 
 _LEAST = 1e-6  # relative standard deviation of what is known exactly
 
@@ -111,7 +111,7 @@ class UpdateFile(Section):
     damping : bool
         Whether damping ratios take part.
     threshold, starts, seed, intervals
-        What they said means nothing any more, and is said so: see `without_meaning`.
+        Keys of an earlier fit, without meaning now, as the output says: see `without_meaning`.
     campaign : tuple of CampaignSection
         The campaigns.
     parameter : mapping of str to ParameterSection
@@ -137,7 +137,7 @@ class UpdateFile(Section):
 
     @property
     def without_meaning(self) -> tuple[str, ...]:
-        """What is said of keys that are given and mean nothing any more, a sentence each."""
+        """What the output says of given keys that mean nothing any more, a sentence each."""
         given = {
             name: getattr(self, name) is not None for name in ("threshold", "starts", "seed", "intervals")
         }
@@ -216,16 +216,16 @@ def run_update(
     inputs = [path, *effect_files]
     tested: list[_Tested] = []
     for section in given.campaign:
-        found, files = _tested(path, section, given, output, console, cluster)
-        tested += found
+        stacks, files = _tested(path, section, given, output, console, cluster)
+        tested += stacks
         inputs += files
-    labels = [label for own in tested for label in own.labels]
-    sizes = [modes.frequency.size for own in tested for _, _, modes in own.specimen.tested]
+    labels = [label for test in tested for label in test.labels]
+    sizes = [modes.frequency.size for test in tested for _, _, modes in test.specimen.tested]
     settings = given.settings(_held_out(given, dict(zip(labels, sizes, strict=True))))
     with workers(MESSAGES, cluster) as executor, progress("fit", console):
         result = joint_fit(
             given.name,
-            [own.specimen for own in tested],
+            [test.specimen for test in tested],
             effects,
             settings,
             labels=labels,
@@ -255,7 +255,7 @@ def parameter_table(fit: JointFit) -> Table:
     )
     if np.isfinite(held_out):
         errors += f", {100 * held_out:.2f} % on the modes held out"
-    far = [moved_text(own) for own in fit.moved if abs(own.deviations or 0.0) > REPORTED]
+    far = [moved_text(p) for p in fit.moved if abs(p.deviations or 0.0) > REPORTED]
     if far:
         errors += "\nMoved by more than two standard deviations of what was known: " + "; ".join(far)
     table = Table(title="Fitted together", title_justify="left", caption=errors, caption_justify="left")
@@ -285,32 +285,32 @@ def _tested(
         name = section.name or table.name
         chosen = _chosen(path, section, [row.name for row in table.rows])
         rows = replace(table, rows=tuple(row for row in table.rows if row.name in chosen))
-        found = [
+        stacks = [
             _Tested(
-                replace(own, name=f"{name}/{own.name}") if several else own,
-                (f"{name}/{own.name}" if several else own.name,),
+                replace(specimen, name=f"{name}/{specimen.name}") if several else specimen,
+                (f"{name}/{specimen.name}" if several else specimen.name,),
                 {},
             )
-            for own in table_specimens(rows)
+            for specimen in table_specimens(rows)
         ]
-        return found, list(table.inputs)
+        return stacks, list(table.inputs)
     campaign = read_campaign(file)
     stack_file = model_file(campaign, "a fit")
     name = section.name or campaign.name
-    changed = changed_names(campaign)  # what a change did to a state is nothing that the model lacks
+    changed = changed_names(campaign)  # what a change did to a state is no effect that the model lacks
     known = [c.name for c in campaign.configurations]
-    chosen = _chosen(path, section, known, [own for own in known if own not in changed])
+    chosen = _chosen(path, section, known, [c for c in known if c not in changed])
     stack = model.read_stack(stack_file)
     configurations = tuple(c for c in campaign.configurations if c.name in chosen)
     states = [stack_in_state(stack, c) for c in configurations]
-    own_output = output / folder_name(name) if several else output
-    assigned = assignments(replace(campaign, configurations=configurations), own_output)
+    campaign_output = output / folder_name(name) if several else output
+    assigned = assignments(replace(campaign, configurations=configurations), campaign_output)
     tests = every_identified(assigned, f"identify {name}", console, cluster)
-    over = [over_amplitude(own, one) for own, one in zip(assigned, tests, strict=True)]
+    over = [over_amplitude(assignment, test) for assignment, test in zip(assigned, tests, strict=True)]
     for sentence in measurement_findings(tests):
         console.print(sentence, highlight=False, markup=False)
     heights = sorted({state.height for state in states})
-    found = []
+    stacks = []
     for height in heights:
         here = [i for i, state in enumerate(states) if state.height == height]
         of_height, levels = by_level(
@@ -321,10 +321,10 @@ def _tested(
             stack=replace(stack, height=height),
             tested=tuple(of_height),
         )
-        labels = tuple(f"{name}/{own}" if several else own for own, _, _ in of_height)
-        found.append(_Tested(specimen, labels, levels))
-    modal = [one.folder / "modal_model.json" for one in tests]
-    return found, [file, *stack_inputs(stack_file), *modal]
+        labels = tuple(f"{name}/{label}" if several else label for label, _, _ in of_height)
+        stacks.append(_Tested(specimen, labels, levels))
+    modal = [test.folder / "modal_model.json" for test in tests]
+    return stacks, [file, *stack_inputs(stack_file), *modal]
 
 
 def _chosen(
