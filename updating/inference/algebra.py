@@ -1,4 +1,4 @@
-"""Linear algebra of fits whose coordinates differ by orders in what is known of them."""
+"""Linear algebra of fits: some coordinates are known better than others by orders of magnitude."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Matrix = NDArray[np.float64]
 
 
 def scaled_solve(matrix: Matrix, right: Matrix, *, damp: float = 1e-9) -> Matrix:
-    """Solve with a symmetric positive matrix whose diagonal is scaled to one before a share of it is added.
+    """Solve with a symmetric positive matrix, its diagonal scaled to one and damped.
 
     Parameters
     ----------
@@ -19,16 +19,16 @@ def scaled_solve(matrix: Matrix, right: Matrix, *, damp: float = 1e-9) -> Matrix
     right : (n,) or (n, m)
         Right sides.
     damp : float
-        What is added to the scaled diagonal, as Levenberg and Marquardt do.
+        Added to the scaled diagonal, as in Levenberg and Marquardt's method.
     """
     unit = 1.0 / np.sqrt(np.diag(matrix) + 1e-12)
     scaled = unit[:, None] * matrix * unit + damp * np.eye(unit.size)
-    found = la.solve(scaled, (unit * right.T).T, assume_a="pos")
-    return np.asarray((unit * found.T).T)
+    solution = la.solve(scaled, (unit * right.T).T, assume_a="pos")
+    return np.asarray((unit * solution.T).T)
 
 
 def scaled_inverse(matrix: Matrix) -> Matrix:
-    """Return the inverse of a symmetric matrix, what it does not determine left out, its diagonal scaled to one first.
+    """Return the pseudoinverse of a symmetric matrix, its diagonal scaled to one first.
 
     Parameters
     ----------

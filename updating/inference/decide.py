@@ -1,4 +1,4 @@
-"""The decision on a search: one of five verdicts, the explanations that it leaves, and the steps to the first."""
+"""The decision on a search: one of five verdicts, the explanations that remain, and the steps to the first."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ Verdict = Literal["nothing missing", "identified", "one of", "partly explained",
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Decision:
-    """A verdict with the explanations that it leaves.
+    """A verdict with the explanations that remain.
 
     Attributes
     ----------
     verdict : Verdict
         One of five.
     left : tuple of Explanation
-        What the data cannot tell apart, the most probable first; none where nothing is named.
+        Explanations that the data cannot tell apart, the most probable first; none where nothing is named.
     steps : tuple of Explanation
         From the base model to the first of these, one term at a time.
     too_large : tuple of "frequency" or "damping"
-        Kinds of data of which more is left than a right model leaves.
+        Kinds of data whose discrepancy is larger than that of a right model.
     """
 
     verdict: Verdict
@@ -39,32 +39,32 @@ class Decision:
     too_large: tuple[Literal["frequency", "damping"], ...]
 
 
-def decide(found: Search) -> Decision:
+def decide(search: Search) -> Decision:
     """Give the verdict on a search.
 
-    Named is what `search` chose, where every step is told apart and predicts better. Beside it stand explanations of
-    as many terms or fewer that are nearly as probable and predict better than the base model, too. Nothing is missing
-    where the base model is as right as models are and what is known of its nuisances bears that out; an explanation
-    is whole where the same holds of it.
+    The explanation that `search` chose is named: each of its steps is clearly more probable and predicts better.
+    Explanations with as many terms or fewer remain beside it if they are nearly as probable and predict better than the
+    base model. Nothing is missing where the base model has a usual discrepancy and no nuisance is far from its prior.
+    An explanation is whole where the same holds of it.
     """
-    own = found.chosen
-    large = too_large(own, found.setting.priors)
-    if not own.terms:
+    chosen = search.chosen
+    large = too_large(chosen, search.setting.priors)
+    if not chosen.terms:
         empty: Verdict = (
-            "unlike anything" if large or own.apart or _pulled(own, found.freed) else "nothing missing"
+            "unlike anything" if large or chosen.apart or _pulled(chosen, search.freed) else "nothing missing"
         )
-        return Decision(verdict=empty, left=(), steps=(own,), too_large=large)
-    left = _left(found)
-    large = too_large(left[0], found.setting.priors)
-    partly = large or left[0].apart or _pulled(left[0], found.freed)
+        return Decision(verdict=empty, left=(), steps=(chosen,), too_large=large)
+    left = _left(search)
+    large = too_large(left[0], search.setting.priors)
+    partly = large or left[0].apart or _pulled(left[0], search.freed)
     verdict: Verdict = "partly explained" if partly else "identified" if len(left) == 1 else "one of"
-    return Decision(verdict=verdict, left=left, steps=_steps(found, left[0]), too_large=large)
+    return Decision(verdict=verdict, left=left, steps=_steps(search, left[0]), too_large=large)
 
 
 def _pulled(explanation: Explanation, freed: Collection[str]) -> bool:
-    """Tell whether an explanation pulls a prior far that no term could widen: where one could, odds have decided.
+    """Tell whether a nuisance of an explanation is far from its prior, if no term could have widened that prior.
 
-    Of more coordinates than one stack has some are pulled farther by chance.
+    Where a term could, the odds have decided. The limit rises with the number of coordinates: some are far by chance.
     """
     n = explanation.n_nuisance
     far = -float(scipy.special.ndtri(scipy.special.ndtr(-PULLED) * min(1.0, _USUAL / n)))
@@ -75,34 +75,34 @@ def _pulled(explanation: Explanation, freed: Collection[str]) -> bool:
     )
 
 
-def _left(found: Search) -> tuple[Explanation, ...]:
-    """Return what was chosen and what cannot be told from it, the most probable first."""
-    own, base = found.chosen, found.base
+def _left(search: Search) -> tuple[Explanation, ...]:
+    """Return the chosen explanation and those that the data cannot tell from it, the most probable first."""
+    chosen, base = search.chosen, search.base
     near = [
         f
-        for f in found.fitted.values()
-        if f is not own
-        and 0 < len(f.terms) <= len(own.terms)
-        and found.odds(f) > NAMED
-        and found.odds(own) - found.odds(f) < SEPARATE
-        and found.helps(f, base)
-        and not set(f.terms) < set(own.terms)
+        for f in search.fitted.values()
+        if f is not chosen
+        and 0 < len(f.terms) <= len(chosen.terms)
+        and search.odds(f) > NAMED
+        and search.odds(chosen) - search.odds(f) < SEPARATE
+        and search.helps(f, base)
+        and not set(f.terms) < set(chosen.terms)
     ]
-    kept = [f for f in near if not any(set(g.terms) < set(f.terms) for g in (*near, own))]
-    return tuple(sorted((own, *kept), key=lambda f: -found.odds(f)))
+    kept = [f for f in near if not any(set(g.terms) < set(f.terms) for g in (*near, chosen))]
+    return tuple(sorted((chosen, *kept), key=lambda f: -search.odds(f)))
 
 
-def _steps(found: Search, own: Explanation) -> tuple[Explanation, ...]:
-    """Return the way from the base model to an explanation, the most probable of its parts at each step."""
-    steps = [found.base]
-    while len(steps[-1].terms) + 1 < len(own.terms):
+def _steps(search: Search, explanation: Explanation) -> tuple[Explanation, ...]:
+    """Return the steps from the base model to an explanation: at each, the most probable part of it."""
+    steps = [search.base]
+    while len(steps[-1].terms) + 1 < len(explanation.terms):
         parts = [
             f
-            for f in found.fitted.values()
+            for f in search.fitted.values()
             if len(f.terms) == len(steps[-1].terms) + 1
-            and set(steps[-1].terms) < set(f.terms) < set(own.terms)
+            and set(steps[-1].terms) < set(f.terms) < set(explanation.terms)
         ]
         if not parts:
             break
-        steps.append(max(parts, key=found.odds))
-    return (*steps, own)
+        steps.append(max(parts, key=search.odds))
+    return (*steps, explanation)

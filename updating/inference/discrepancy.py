@@ -4,9 +4,9 @@ An honest model differs from the structure by random symmetric relative perturba
 in modal coordinates (Soize 2000): e_r = (E_K + diag(omega_r / omega_s) E_M) a_r + noise, each with independent entries
 of variance sigma**2 / 2 off the diagonal and twice as much on it. So cov(e_sr, e_s'r') = sigma**2 (delta_ss' a_r.a_r' +
 a_s'r a_sr') (1 + omega_r omega_r' / (omega_s omega_s')) / 2: frequencies and shapes follow from one size, shapes mix by
-some sigma omega_s omega_r / (lambda_r - lambda_s), and frequencies move by sigma / sqrt 2. By stiffness alone two modes
-would have to take as much of one another to within the noise of shapes, which a missing mass does not do. Of E a share
-is common to states that lie in the same part of the tree. Damping is perturbed likewise, in logarithms.
+some sigma omega_s omega_r / (lambda_r - lambda_s), and frequencies move by sigma / sqrt 2. With stiffness alone
+two modes would have to take equal parts of one another to within the noise of shapes, which a missing mass does not do.
+A share of E is common to states in the same part of the tree. The logarithm of damping is perturbed in the same way.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ OF_MASS = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """Errors over their covariance, all that a fit asks of them.
+    """Errors weighed by their covariance: all that a fit needs of them.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Weighed:
     log: float
 
     def __add__(self, other: Weighed) -> Weighed:
-        """Return both together, for errors that have nothing in common."""
+        """Return the sum of two, for errors that are independent."""
         return Weighed(
             self.misfit + other.misfit,
             self.slope + other.slope,
@@ -121,12 +121,12 @@ class Weighed:
 
     @classmethod
     def nothing(cls, n: int) -> Weighed:
-        """Return what no errors say of `n` coordinates."""
+        """Return the same without any errors, for `n` coordinates."""
         return cls(0.0, np.zeros(n), np.zeros((n, n)), 0.0)
 
     @classmethod
     def of(cls, value: Vector, jacobian: Vector, covariance: Vector) -> Weighed:
-        """Return errors (N,) with derivatives (N, n_coordinate) over a covariance (N, N)."""
+        """Weigh errors (N,) with derivatives (N, n_coordinate) by a covariance (N, N)."""
         root = la.cholesky(covariance, lower=True, check_finite=False)
         white = la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True, check_finite=False)
         product = white.T @ white
@@ -137,7 +137,7 @@ class Weighed:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
-    """All errors of a campaign in one vector, with what their covariance is made of.
+    """All errors of a campaign in one vector, with the parts of their covariance.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Problem:
     log_map : float
         Logarithm of the density of what was measured over that of equation errors.
     curvature : (n_coordinate, n_coordinate) float
-        Hessian of what of it shapes are off by beyond all modes, as in `Errors`.
+        Hessian of its part by what no mode reaches in the shapes, as in `Errors`.
     errors : tuple of Errors
         By state, what was joined.
     """
@@ -168,30 +168,30 @@ class Problem:
     errors: tuple[Errors, ...]
 
     def beside(self, sizes: Sizes) -> Vector:
-        """Return what the cost's gradient has beside that at a given covariance, by measured mode, (n, n_coordinate).
+        """Return the gradient of the cost less that at a fixed covariance, by measured mode, (n, n_coordinate).
 
-        See `gradient`: the noise of shapes follows the model, and so does the normalisation of the density.
+        See `gradient`: the noise of shapes and the normalisation of the density depend on the model.
         """
         m = self.errors[0].value.shape[1]
         inverse = la.inv(self.noise + sizes.stiffness**2 * self.discrepancy, check_finite=False)
         pull = (inverse @ self.value).reshape(-1, m)
-        each = np.arange(len(pull))
-        blocks = inverse.reshape(each.size, m, each.size, m)[each, :, each]
-        first, found = 0, list[Vector]()
-        for own in self.errors:
-            here = slice(first, first + len(own.value))
-            found.append(np.zeros((len(own.value), self.jacobian.shape[1])))
-            found[-1][:, : own.jacobian.shape[2]] = own.beside(pull[here], blocks[here])
+        mode = np.arange(len(pull))
+        blocks = inverse.reshape(mode.size, m, mode.size, m)[mode, :, mode]
+        first, by_state = 0, list[Vector]()
+        for errors in self.errors:
+            here = slice(first, first + len(errors.value))
+            by_state.append(np.zeros((len(errors.value), self.jacobian.shape[1])))
+            by_state[-1][:, : errors.jacobian.shape[2]] = errors.beside(pull[here], blocks[here])
             first = here.stop
-        return np.vstack(found)
+        return np.vstack(by_state)
 
     def curvature_of(self, kept: NDArray[np.bool_]) -> Vector:
-        """Return what of the curvature some measured modes make, `kept` being (n,) bool."""
+        """Return the part of the curvature of some measured modes; `kept` is (n,) bool."""
         total, first = np.zeros_like(self.curvature), 0
-        for own in self.errors:
-            k = own.jacobian.shape[2]
-            total[:k, :k] += own.curvature[kept[first : first + len(own.value)]].sum(axis=0)
-            first += len(own.value)
+        for errors in self.errors:
+            k = errors.jacobian.shape[2]
+            total[:k, :k] += errors.curvature[kept[first : first + len(errors.value)]].sum(axis=0)
+            first += len(errors.value)
         return total
 
     def weighed(self, sizes: Sizes) -> Weighed:
@@ -201,7 +201,7 @@ class Problem:
 
 
 def shared_levels(paths: Sequence[tuple[str, ...]], shares: Sequence[float]) -> Vector:
-    """Return which share of the discrepancy two states have in common, (n_state, n_state).
+    """Return the share of the discrepancy that each two states have in common, (n_state, n_state).
 
     Parameters
     ----------
@@ -211,53 +211,54 @@ def shared_levels(paths: Sequence[tuple[str, ...]], shares: Sequence[float]) -> 
         Share of each level of the tree, from the outside in; they sum to 1.
     """
     common = np.zeros((len(paths), len(paths)))
-    for i, one in enumerate(paths):
+    for i, path in enumerate(paths):
         for j, other in enumerate(paths):
-            same = [a == b for a, b in zip(one, other, strict=True)]
+            same = [a == b for a, b in zip(path, other, strict=True)]
             depth = same.index(False) if False in same else len(same)
             common[i, j] = sum(shares[:depth])
     return common
 
 
 def joined(errors: Sequence[Errors], common: Vector) -> Problem:
-    """Join the errors of all states, `common` (n_state, n_state) being the shares of the discrepancy in common.
+    """Join the errors of all states; `common` (n_state, n_state) holds the shares of the discrepancy in common.
 
     The discrepancy of one state acts in another by the cross products of their modes.
     """
     m = errors[0].value.shape[1]
-    first = np.cumsum([0, *(own.value.shape[0] for own in errors)])
+    first = np.cumsum([0, *(e.value.shape[0] for e in errors)])
     n = int(first[-1])
     discrepancy, of_damping = np.zeros((n, m, n, m)), np.zeros((n, n))
-    for c, one in enumerate(errors):
-        for d, other in enumerate(errors[: c + 1]):
+    for c, errors_c in enumerate(errors):
+        for d, errors_d in enumerate(errors[: c + 1]):
             turn = np.eye(m)
             if c != d:
-                u, _, v = la.svd(one.shape.T @ other.shape)
+                u, _, v = la.svd(errors_c.shape.T @ errors_d.shape)
                 turn = u @ v
-            forth, back = one.weight @ turn, other.weight @ turn.T  # in the coordinates of the other state
-            dot = forth @ other.weight.T
+            # Each in the coordinates of the other state.
+            forth, back = errors_c.weight @ turn, errors_d.weight @ turn.T
+            dot = forth @ errors_d.weight.T
             block = dot[:, None, :, None] * turn[None, :, None, :]
             block = block + back.T[None, :, :, None] * forth[:, None, None, :]
-            of_mass = one.inertia[:, :, None, None] * other.inertia[None, None, :, :]
+            of_mass = errors_c.inertia[:, :, None, None] * errors_d.inertia[None, None, :, :]
             block *= common[c, d] * (1.0 - OF_MASS + OF_MASS * of_mass)
             here, there = slice(first[c], first[c + 1]), slice(first[d], first[d + 1])
             discrepancy[here, :, there] = block
             discrepancy[there, :, here] = block.transpose(2, 3, 0, 1)
             of_damping[here, there] = common[c, d] * dot**2
             of_damping[there, here] = common[c, d] * dot.T**2
-    ratio = np.concatenate([own.damping for own in errors])
+    ratio = np.concatenate([e.damping for e in errors])
     seen = np.isfinite(ratio)
     return Problem(
-        value=np.concatenate([own.value.ravel() for own in errors]),
-        jacobian=np.vstack([own.jacobian.reshape(-1, own.jacobian.shape[2]) for own in errors]),
-        noise=la.block_diag(*(block for own in errors for block in own.noise)) + 1e-10 * np.eye(n * m),
+        value=np.concatenate([e.value.ravel() for e in errors]),
+        jacobian=np.vstack([e.jacobian.reshape(-1, e.jacobian.shape[2]) for e in errors]),
+        noise=la.block_diag(*(block for e in errors for block in e.noise)) + 1e-10 * np.eye(n * m),
         discrepancy=discrepancy.reshape(n * m, n * m),
         damping=ratio[seen],
-        damping_jacobian=np.vstack([own.damping_jacobian for own in errors])[seen],
-        damping_noise=np.diag(np.concatenate([own.damping_std for own in errors])[seen] ** 2),
+        damping_jacobian=np.vstack([e.damping_jacobian for e in errors])[seen],
+        damping_noise=np.diag(np.concatenate([e.damping_std for e in errors])[seen] ** 2),
         damping_discrepancy=(of_damping + 1e-6 * np.eye(n))[np.ix_(seen, seen)],
-        log_map=sum(own.log_map for own in errors),
-        curvature=np.sum([own.curvature.sum(axis=0) for own in errors], axis=0),
+        log_map=sum(e.log_map for e in errors),
+        curvature=np.sum([e.curvature.sum(axis=0) for e in errors], axis=0),
         errors=tuple(errors),
     )
 
@@ -307,9 +308,9 @@ def roots(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector]:
 def whitened(
     problem: Problem, sizes: Sizes, factors: tuple[Vector, Vector] | None = None
 ) -> tuple[Vector, Vector, float]:
-    """Return errors (N,) and derivatives (N, n_coordinate) over their noise and a discrepancy of given sizes.
+    """Return errors (N,) and derivatives (N, n_coordinate), whitened by noise and a discrepancy of given sizes.
 
-    Last comes half the logarithm of the determinant of the covariance. `factors` are `roots`, where these are known.
+    The third value is half the logarithm of the determinant of the covariance. `factors` are `roots`, where known.
     """
     factors = roots(problem, sizes) if factors is None else factors
     white = np.vstack(
@@ -376,17 +377,17 @@ class Evidence:
 
     def moments(self, priors: tuple[SizePrior, SizePrior]) -> tuple[Sizes, Sizes]:
         """Return the posterior medians of the sizes, and the standard deviations of their logarithms."""
-        found = []
+        median_and_spread = []
         for prior, chance in zip(
             self.grids or priors, (self.probability.sum(axis=1), self.probability.sum(axis=0)), strict=True
         ):
             mean = float(np.log(prior.grid) @ chance)
-            found.append(
+            median_and_spread.append(
                 (float(np.exp(mean)), float(np.sqrt(np.log(prior.grid) ** 2 @ chance - mean**2 + 1e-12)))
             )
         return (
-            Sizes(stiffness=found[0][0], damping=found[1][0]),
-            Sizes(stiffness=found[0][1], damping=found[1][1]),
+            Sizes(stiffness=median_and_spread[0][0], damping=median_and_spread[1][0]),
+            Sizes(stiffness=median_and_spread[0][1], damping=median_and_spread[1][1]),
         )
 
 
@@ -415,10 +416,12 @@ def evidence(
         Of the two sizes.
     """
     parts = []
-    for own, prior in zip((stiffness, damping), priors, strict=True):
-        variance = 1.0 + prior.grid[:, None] ** 2 * own.growth  # (n_size, N)
-        hessian = np.einsum("np,gn,nq->gpq", own.jacobian, 1.0 / variance, own.jacobian, optimize=True)
-        misfit = np.sum(own.value**2 / variance, axis=1) + np.sum(np.log(variance), axis=1) + own.log_noise
+    for errors, prior in zip((stiffness, damping), priors, strict=True):
+        variance = 1.0 + prior.grid[:, None] ** 2 * errors.growth  # (n_size, N)
+        hessian = np.einsum("np,gn,nq->gpq", errors.jacobian, 1.0 / variance, errors.jacobian, optimize=True)
+        misfit = (
+            np.sum(errors.value**2 / variance, axis=1) + np.sum(np.log(variance), axis=1) + errors.log_noise
+        )
         parts.append((hessian, misfit, prior.log_density))
     (h1, q1, p1), (h2, q2, p2) = parts
     total = h1[:, None] + h2[None] + np.diag(precision + 1e-12) + problem.curvature

@@ -42,10 +42,10 @@ class Errors:
     jacobian : (n, m, n_coordinate) float
         Derivatives of e.
     log_maps : (n,) float
-        Logarithm of the density of (lambda_r, u_r) over that of e, by measured mode; what shapes are off by beyond all
-        modes is in it.
+        Logarithm of the density of (lambda_r, u_r) over that of e, by measured mode; it includes the part of the shapes
+        that no mode reaches.
     curvature : (n, n_coordinate, n_coordinate) float
-        Gauss and Newton's approximation of the Hessian of half the square of that, over the noise, by measured mode.
+        Gauss and Newton's Hessian of half the square of that part, over the noise, by measured mode.
     damping : (n,) float
         Logarithm of measured over modelled damping ratio; NaN where damping is not compared.
     damping_std : (n,) float
@@ -80,7 +80,7 @@ class Errors:
     touched: NDArray[np.intp] | None = None
 
     def beside(self, pull: Vector, inverse: Vector) -> Vector:
-        """Return what the gradient of the cost has beside the slope of errors at a given covariance, by mode.
+        """Return the gradient of the cost less the slope of errors at a fixed covariance, by mode.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Errors:
     def partners(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Measured modes and the model's modes that have the largest part in them, each taken once, (n,) and (n,).
 
-        It is for what is printed; nothing is decided by it.
+        For print only; no decision depends on it.
         """
         part = np.where(self.modelled > 0.0, self.weight**2, -1.0)
         row, column = scipy.optimize.linear_sum_assignment(part, maximize=True)
@@ -134,16 +134,16 @@ class Errors:
 def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float = 0.7) -> Vector:
     """Return the standard deviation of a component of each measured shape, (n,), by what no mode of the model reaches.
 
-    It is estimated once and kept for all fits that are compared, for a fit must not call its misfit noise.
+    It is estimated once for all fits that are compared: a fit must not call its misfit noise.
 
     Parameters
     ----------
     state, modal
         What was measured, and a model near it.
     least : float
-        Of a shape's length: what no identification is better than.
+        Smallest noise, relative to a shape's length: no identification is better.
     share : float
-        Of the median over the modes: a shape is not taken to be much better than the others by chance.
+        Smallest noise, relative to the median over the modes: no shape is much better than the others.
     """
     n_dof, m = modal.rows.shape
     rest = state.shape - modal.rows @ la.lstsq(modal.rows, state.shape, cond=1e-3)[0]
@@ -174,8 +174,8 @@ def equation_errors(
     n_coordinate : int
         Number of coordinates of the fit.
     apart : sequence of int
-        Measured modes that are none of the model's: their equation errors and logarithms of damping ratios may be
-        anything up to `wide`.
+        Measured modes that are none of the model's: the standard deviation of their equation errors and logarithms of
+        damping ratios is `wide`.
     usual : float
         Equation error that models usually have, by which the coordinates that weigh errors are shrunk: noisy ones
         bias the weights. An order above the median discrepancy.
@@ -249,20 +249,20 @@ def equation_errors(
     return apart_from(errors, old=(), new=apart, wide=wide)
 
 
-def _log_maps(own: Latent, inverse: Vector, state: State, noise: Vector) -> Vector:
+def _log_maps(latent: Latent, inverse: Vector, state: State, noise: Vector) -> Vector:
     """Return the logarithms of the density of (lambda_r, u_r) over that of e, (n,).
 
     `inverse` is that of the covariance of the modal coordinates.
     """
     misfit = np.sum(state.shape**2, axis=0) / noise**2
-    misfit -= np.einsum("ri,rij,rj->r", own.mean, inverse, own.mean)
-    stretch = np.abs(np.sum(own.weight**2 / (own.gap * own.scale), axis=1) * own.eigenvalue)
-    within = 0.5 * (np.linalg.slogdet(own.covariance)[1] - misfit)
-    return np.asarray(np.sum(np.log(np.abs(own.gap)), axis=1) + np.log(stretch) + within)
+    misfit -= np.einsum("ri,rij,rj->r", latent.mean, inverse, latent.mean)
+    stretch = np.abs(np.sum(latent.weight**2 / (latent.gap * latent.scale), axis=1) * latent.eigenvalue)
+    within = 0.5 * (np.linalg.slogdet(latent.covariance)[1] - misfit)
+    return np.asarray(np.sum(np.log(np.abs(latent.gap)), axis=1) + np.log(stretch) + within)
 
 
 def apart_from(errors: Errors, *, old: Sequence[int], new: Sequence[int], wide: float = WIDE) -> Errors:
-    """Return errors with other modes apart: `wide` is the standard deviation of theirs."""
+    """Return errors with modes `new`, not `old`, set apart: `wide` is the standard deviation of their errors."""
     noise, damping_std = errors.noise.copy(), errors.damping_std.copy()
     for sign, modes in ((-1.0, old), (1.0, new)):
         for r in modes:
@@ -288,10 +288,10 @@ def _driven(modal: Modal, lam: Vector, scale: Vector, weight: Vector, n_coordina
 
 def _met(modal: Modal, n: int) -> Vector:
     """Return the model's eigenvalues as each measured mode meets them, (n, m)."""
-    found = np.tile(modal.eigenvalue, (n, 1))
+    eigenvalue = np.tile(modal.eigenvalue, (n, 1))
     if modal.of_mode is not None:
-        found[:, modal.n_rigid :] += np.einsum("rii->ri", modal.of_mode)[:, modal.n_rigid :]
-    return found
+        eigenvalue[:, modal.n_rigid :] += np.einsum("rii->ri", modal.of_mode)[:, modal.n_rigid :]
+    return eigenvalue
 
 
 def _coordinates(

@@ -97,7 +97,7 @@ class Explanation:
     apart : frozenset of (int, int)
         Measured modes, by state and number, that are taken for none of the model's.
     course : tuple of float
-        Cost after each step of the fit; the sizes of the discrepancy are others in each of its rounds.
+        Cost after each step of the fit; the sizes of the discrepancy change from round to round.
     """
 
     terms: tuple[str, ...]
@@ -119,7 +119,7 @@ class Explanation:
 
     @property
     def pulls(self) -> Vector:
-        """By how many standard deviations of its prior each coordinate was moved, (n_coordinate,)."""
+        """Distance of each coordinate from its prior, in standard deviations of the prior, (n_coordinate,)."""
         return np.array([value / c.std for value, c in zip(self.x, self.coordinates, strict=True)])
 
     def value(self, name: str) -> float:
@@ -128,7 +128,7 @@ class Explanation:
 
 
 def coordinates_of(model: Model, terms: Sequence[Term]) -> tuple[Coordinate, ...]:
-    """Return the coordinates of a model with some terms: nuisances with the priors that they then have, and theirs."""
+    """Return the coordinates of a model with some terms: nuisances, some with wider priors, then those of the terms."""
     freed: dict[str, float] = {}
     for term in terms:
         for name, std in term.frees.items():
@@ -138,10 +138,12 @@ def coordinates_of(model: Model, terms: Sequence[Term]) -> tuple[Coordinate, ...
     return (*base, *further.values())
 
 
-def _freed(own: Coordinate, std: float) -> Coordinate:
-    """Return a coordinate with a wider prior, and bounds as many standard deviations away."""
-    wider = max(std / own.std, 1.0)
-    return replace(own, std=own.std * wider, lower=own.lower * wider, upper=own.upper * wider)
+def _freed(coordinate: Coordinate, std: float) -> Coordinate:
+    """Return a coordinate with a wider prior; its bounds widen as much."""
+    wider = max(std / coordinate.std, 1.0)
+    return replace(
+        coordinate, std=coordinate.std * wider, lower=coordinate.lower * wider, upper=coordinate.upper * wider
+    )
 
 
 def setting(
@@ -152,7 +154,7 @@ def setting(
     shares: Sequence[float],
     priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING),
 ) -> Setting:
-    """Return what fits of a campaign share: noise of the shapes beside a model near them, and what states share."""
+    """Return what all fits of a campaign share: noise of the shapes, from a model near them, and shares of states."""
     noise = tuple(shape_noise(state, local.modal(x, c)) for c, state in enumerate(model.states))
     return Setting(
         noise=noise, common=shared_levels([state.path for state in model.states], shares), priors=priors
@@ -171,7 +173,7 @@ def errors_at(model: Model, local: LocalModel, setting: Setting, x: Vector) -> t
 
 @dataclass(frozen=True, eq=False)
 class _Cost:
-    """What a step minimises: minus the logarithm of the posterior density at given sizes of the discrepancy."""
+    """The cost of a step: minus the logarithm of the posterior density at given sizes of the discrepancy."""
 
     precision: Vector
     sizes: Sizes
@@ -193,18 +195,18 @@ def explain(
     steps: int = 8,
     most_apart: float = 0.2,
 ) -> Explanation:
-    """Fit the model with some terms to all states, and take modes that are none of the model's for that.
+    """Fit the model with some terms to all states, and set apart measured modes that are none of the model's.
 
-    A measured mode that the model lacks, of the rig or of what is missing, draws a fit away from all others. It has a
-    prior probability `STRANGE`, and then its equation errors may be anything: where all modes together leave more than
-    right models do, the evidence tells which modes are, one after the other, and the fit goes on without each of them.
+    A measured mode that the model lacks, of the rig or of what is missing, draws a fit away from all other modes. Its
+    prior probability is `STRANGE`, and its equation errors may be anything. Where the discrepancy is larger than that
+    of a right model, such modes are set apart one by one, as long as the evidence rises.
 
     Parameters
     ----------
     model, terms, setting, start, local, sizes, rounds, steps
         As `converged` takes them.
     most_apart : float
-        Share of the measured modes of which that may be so.
+        Largest share of the measured modes that may be set apart.
 
     Raises
     ------
@@ -229,10 +231,10 @@ def explain(
     for _ in range(2 * most):
         if not best.apart and not too_large(best, setting.priors):
             break
-        other = _otherwise(best, setting, most)
-        if other is None:
+        modes_apart = _likelier_apart(best, setting, most)
+        if modes_apart is None:
             break
-        trial = fit(other, best.x, best.evidence.sizes)
+        trial = fit(modes_apart, best.x, best.evidence.sizes)
         if trial.log_evidence < best.log_evidence + math.log(2.0):
             break
         best = trial
@@ -240,15 +242,15 @@ def explain(
 
 
 def too_large(
-    own: Explanation, priors: tuple[SizePrior, SizePrior]
+    explanation: Explanation, priors: tuple[SizePrior, SizePrior]
 ) -> tuple[Literal["frequency", "damping"], ...]:
-    """Return the kinds of data of which an explanation leaves more than a right model does."""
-    sizes, found = own.evidence.moments(priors)[0], list[Literal["frequency", "damping"]]()
+    """Return the kinds of data whose discrepancy is larger than that of a right model."""
+    sizes, kinds = explanation.evidence.moments(priors)[0], list[Literal["frequency", "damping"]]()
     if p_value(sizes.stiffness, priors[0]) < INADEQUATE:
-        found.append("frequency")
-    if own.problem.damping.size and p_value(sizes.damping, priors[1]) < INADEQUATE:
-        found.append("damping")
-    return tuple(found)
+        kinds.append("frequency")
+    if explanation.problem.damping.size and p_value(sizes.damping, priors[1]) < INADEQUATE:
+        kinds.append("damping")
+    return tuple(kinds)
 
 
 def p_value(size: float, prior: SizePrior) -> float:
@@ -258,46 +260,46 @@ def p_value(size: float, prior: SizePrior) -> float:
     return float(scipy.special.ndtr(-np.log(size / prior.median) / prior.spread))
 
 
-def _otherwise(
-    own: Explanation, setting: Setting, most: int, *, suspicious: float = 3.0
+def _likelier_apart(
+    fit: Explanation, setting: Setting, most: int, *, suspicious: float = 3.0
 ) -> frozenset[tuple[int, int]] | None:
-    """Return the modes apart with one more or one fewer, where the evidence of the fit as it stands rises by that.
+    """Return the modes apart with one more or one fewer, if that raises the evidence of the fit as it is; else None.
 
-    More, up to `most`: the mode that the others predict worst, if the square of its error is `suspicious` times what is
-    expected.
+    A mode is added, up to `most`, if the square of its error, predicted from the others, is the largest and more than
+    `suspicious` times what is expected.
     """
-    if isinstance(own.problem, TreeProblem):  # of many states, no mode is taken apart yet
+    if isinstance(fit.problem, TreeProblem):  # with many states, no mode is set apart yet
         return None
-    precision = np.array([c.std**-2.0 for c in own.coordinates])
+    precision = np.array([c.std**-2.0 for c in fit.coordinates])
     log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
-    m = own.errors[0].value.shape[1]
-    numbered = [(c, r) for c, e in enumerate(own.errors) for r in range(len(e.value))]
-    covariance = own.evidence.sizes.stiffness**2 * own.problem.discrepancy + own.problem.noise
+    m = fit.errors[0].value.shape[1]
+    numbered = [(c, r) for c, e in enumerate(fit.errors) for r in range(len(e.value))]
+    covariance = fit.evidence.sizes.stiffness**2 * fit.problem.discrepancy + fit.problem.noise
     inverse = np.linalg.inv(covariance)
-    pulled = inverse @ own.problem.value
+    pulled = inverse @ fit.problem.value
     square = [
         float(pulled[b] @ la.solve(inverse[b, b], pulled[b], assume_a="pos")) / m
         for b in (slice(m * i, m * (i + 1)) for i in range(len(numbered)))
     ]
-    worst = max((s, one) for s, one in zip(square, numbered, strict=True) if one not in own.apart)
-    trials = [own.apart - {one} for one in own.apart]
-    if worst[0] > suspicious and len(own.apart) < most:
-        trials.append(own.apart | {worst[1]})
-    best, found = own.log_evidence, None
+    worst = max((s, mode) for s, mode in zip(square, numbered, strict=True) if mode not in fit.apart)
+    trials = [fit.apart - {mode} for mode in fit.apart]
+    if worst[0] > suspicious and len(fit.apart) < most:
+        trials.append(fit.apart | {worst[1]})
+    best, likelier = fit.log_evidence, None
     for apart in trials:
         errors = tuple(
-            apart_from(e, old=[r for d, r in own.apart if d == c], new=[r for d, r in apart if d == c])
-            for c, e in enumerate(own.errors)
+            apart_from(e, old=[r for d, r in fit.apart if d == c], new=[r for d, r in apart if d == c])
+            for c, e in enumerate(fit.errors)
         )
         problem = joined(errors, setting.common)
-        prior = log_prior + _surprise(apart)
-        log = _evidence(problem, own.x, precision, prior, setting.priors, own.evidence.sizes)[0].log
+        prior = log_prior + _log_prior_apart(apart)
+        log = _evidence(problem, fit.x, precision, prior, setting.priors, fit.evidence.sizes)[0].log
         if log > best:
-            best, found = log, apart
-    return found
+            best, likelier = log, apart
+    return likelier
 
 
-def _surprise(apart: Collection[tuple[int, int]]) -> float:
+def _log_prior_apart(apart: Collection[tuple[int, int]]) -> float:
     """Return the logarithm of the prior probability that some measured modes are none of the model's."""
     return len(apart) * math.log(STRANGE)
 
@@ -317,8 +319,8 @@ def converged(
 ) -> Explanation:
     """Fit the model with some terms to all states by Levenberg and Marquardt's method.
 
-    Steps are taken at given sizes of the discrepancy on a model about the point; both are made anew where they end, the
-    model where any coordinate has moved by more than what it holds for, until the evidence stays.
+    Steps are taken at given sizes of the discrepancy on a local model. Where they end, both are made anew, the model
+    only if a coordinate has left its range, until the evidence stays.
 
     Parameters
     ----------
@@ -331,10 +333,10 @@ def converged(
     start : (n_coordinate,)
         Coordinates, the model's nuisances first, then those of the terms.
     local : LocalModel, optional
-        A model that holds all over the way; by default one is made about the point in each round.
+        A model that holds for the whole fit; by default one is made about the point in each round.
     sizes : Sizes, optional
-        Of the discrepancy in the first round; later the likeliest where the one before ended. Those that are likely far
-        from the solution would make all that is near it seem right.
+        Of the discrepancy in the first round; later the likeliest at the end of the round before. The likeliest far
+        from the solution are so large that any point near the solution would seem right.
     rounds, steps : int
         Most rounds, and steps in each.
     settled, small : float
@@ -348,7 +350,7 @@ def converged(
     coordinates = coordinates_of(model, terms)
     lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
     precision = np.array([c.std**-2.0 for c in coordinates])
-    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + _surprise(setting.apart)
+    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + _log_prior_apart(setting.apart)
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
     course: list[float] = []
@@ -382,8 +384,8 @@ def converged(
             course.append(at)
             if course[-2] - at < small * setting.loose:
                 break
-        found, std = _evidence(problem, x, precision, log_prior, setting.priors, sizes)
-        gain = np.inf if best is None else abs(found.log - best.log_evidence)
+        marginal, std = _evidence(problem, x, precision, log_prior, setting.priors, sizes)
+        gain = np.inf if best is None else abs(marginal.log - best.log_evidence)
         best = Explanation(
             terms=tuple(term.name for term in terms),
             coordinates=coordinates,
@@ -391,13 +393,13 @@ def converged(
             x=x,
             std=std,
             at_bound=(x <= lower + 1e-9) | (x >= upper - 1e-9),
-            evidence=found,
+            evidence=marginal,
             errors=errors,
-            problem=cast(Problem, problem),  # one on a tree answers what is asked of many states
+            problem=cast(Problem, problem),  # a TreeProblem has all that many states need
             apart=setting.apart,
             course=tuple(course),
         )
-        at_end, sizes = here, found.sizes
+        at_end, sizes = here, marginal.sizes
         if gain < settled * setting.loose:
             break
     assert best is not None
@@ -421,7 +423,7 @@ def outlook(
     local: LocalModel,
     sizes: Sizes,
 ) -> tuple[float, Vector]:
-    """Return what one step from some coordinates is expected to reach, minus the cost, and where it leads.
+    """Return the expected negative cost after one step from some coordinates, and the coordinates there.
 
     Parameters
     ----------
@@ -440,7 +442,7 @@ def outlook(
     problem = setting.join(errors_at(model, local, setting, x), x.size)
     cost = _Cost(precision, sizes)
     white = problem.weighed(sizes)
-    # Far off, what follows the noise of shapes is as large as the misfit and bends: errors alone are nearly linear.
+    # Far off, the terms by the noise of shapes are as large as the misfit and curved: errors alone are nearly linear.
     slope = white.slope + precision * x
     hessian = white.hessian + np.diag(precision) + problem.curvature
     to = step_within(slope, hessian, x, coordinates)
@@ -463,26 +465,26 @@ def _evidence(
     damping = spectrum(
         problem.damping, problem.damping_jacobian, problem.damping_noise, problem.damping_discrepancy
     )
-    found = evidence(stiffness, damping, problem, x, precision, log_prior, priors)
-    return found, _std((stiffness, damping), found, problem, x, precision, priors)
+    marginal = evidence(stiffness, damping, problem, x, precision, log_prior, priors)
+    return marginal, _std((stiffness, damping), marginal, problem, x, precision, priors)
 
 
 def step_within(
     slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float = _DAMP
 ) -> Vector:
-    """Return where a damped step leads that leaves no bound and is nowhere longer than it may be.
+    """Return the coordinates after a damped step within bounds and longest steps.
 
     Parameters
     ----------
     slope, hessian : (n_coordinate,) and (n_coordinate, n_coordinate)
         Gradient of the cost at `x` and approximation of its Hessian.
     x : (n_coordinate,)
-        From where.
+        Where the step starts.
     coordinates : sequence of Coordinate
         Bounds and longest steps.
     damp : float
         Added to the scaled diagonal of the Hessian (Levenberg and Marquardt). By default it is below what priors add to
-        data: else a step crawls along a valley in which priors alone tell where to go.
+        data: with more, steps are tiny along a valley in which only priors determine the minimum.
     """
     lower, upper, longest = (
         np.array([getattr(c, what) for c in coordinates]) for what in ("lower", "upper", "longest")
@@ -502,7 +504,7 @@ def _newton(white: Weighed, problem: Problem | TreeProblem, x: Vector, cost: _Co
 
 def _std(
     spectra: tuple[Spectrum, Spectrum],
-    found: Evidence,
+    marginal: Evidence,
     problem: Problem,
     x: Vector,
     precision: Vector,
@@ -510,18 +512,18 @@ def _std(
     *,
     likely: float = 1e-3,
 ) -> Vector:
-    """Return standard deviations of the coordinates, over all sizes of the discrepancy that are likely.
+    """Return standard deviations of the coordinates over all likely sizes of the discrepancy.
 
-    The variance is the mean of those at each pair of sizes and the variance of the estimates there (law of total
-    variance).
+    The variance is the mean of the variances at each pair of sizes plus the variance of the estimates there (law of
+    total variance).
     """
     known = np.diag(precision + 1e-12) + problem.curvature
-    pull = precision * x + problem.beside(found.sizes).sum(axis=0)
+    pull = precision * x + problem.beside(marginal.sizes).sum(axis=0)
     total, middle, square, chance = np.zeros(x.size), np.zeros(x.size), np.zeros(x.size), 0.0
-    for i, j in np.argwhere(found.probability > likely):
-        share, hessian, slope = found.probability[i, j], known, pull
-        for own, size in zip(spectra, (priors[0].grid[i], priors[1].grid[j]), strict=True):
-            value, jacobian, _ = own.at(float(size))
+    for i, j in np.argwhere(marginal.probability > likely):
+        share, hessian, slope = marginal.probability[i, j], known, pull
+        for errors, size in zip(spectra, (priors[0].grid[i], priors[1].grid[j]), strict=True):
+            value, jacobian, _ = errors.at(float(size))
             hessian = hessian + jacobian.T @ jacobian
             slope = slope + jacobian.T @ value
         covariance = scaled_inverse(hessian)

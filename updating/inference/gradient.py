@@ -1,11 +1,11 @@
-"""The gradient of the cost, by what is known of each measured mode once its errors are weighed.
+"""The gradient of the cost, from the posterior of each measured mode's modal coordinates.
 
 The density of a measured mode, its modal coordinates a integrated out, is that of u = alpha (Psi a + n) times
 N(B a; 0, S) |det B|, where B has the equations' errors e = B a: the diagonal of the gaps in the basis of the model's
 modes, and dB = -Phi' (dK - lambda_r dM) Phi / (omega_s omega_r) in that basis as it stands. So (Fisher's identity) the
 derivative of its logarithm is that of the integrand, in the mean of what is known of a, mean b and covariance D:
-p' dB b + tr[(C B' P - B^-1) dB], p being the errors over their covariance, P the inverse of that, and C the covariance
-of a by shapes alone. A mode that sensors hardly see pulls by what its equation says, not by its noise.
+p' dB b + tr[(C B' P - B^-1) dB]. Here p are the errors over their covariance, P is the inverse of that covariance, and
+C the covariance of a by shapes alone. A mode that sensors hardly see acts by its equation, not by its noise.
 """
 
 from __future__ import annotations
@@ -69,13 +69,13 @@ class Latent:
         """
         modal, gap, scale = self.modal, self.gap, self.scale
         n, m = gap.shape
-        lam, each = self.eigenvalue[:, None], np.arange(m)
+        lam, equation = self.eigenvalue[:, None], np.arange(m)
         spread = self.covariance * gap[:, None, :]  # C B'
         mean = self.mean - np.einsum("rij,rj->ri", spread, pull)
         covariance = self.covariance - spread @ inverse @ spread.transpose(0, 2, 1)
-        # What each element of dB counts for, (n, m, m), and of a stiffness by that.
+        # Derivative by each element of dB, (n, m, m), and from it that by each element of dK.
         counts = pull[:, :, None] * mean[:, None, :] + (spread @ inverse).transpose(0, 2, 1)
-        counts[:, each, each] -= 1.0 / gap
+        counts[:, equation, equation] -= 1.0 / gap
         by_stiffness = -counts / scale[:, :, None]
         # log |sum_s a_s**2 / (lambda_r - lambda_s)|, of the map from lambda_r to e
         along = self.weight / (gap * scale)
@@ -85,22 +85,22 @@ class Latent:
         scaled = gap * np.einsum("rii->ri", counts)  # as the errors of an equation, or of a mode, grow
         heavier = 1.0 - 0.5 * scaled.sum(axis=1)  # a is of unit length by the modal mass
         by_mass += heavier[:, None, None] * self.weight[:, :, None] * self.weight[:, None, :]
-        elastic = np.where(each >= modal.n_rigid, modal.eigenvalue, np.inf)
-        by_stiffness[:, each, each] -= 0.5 * scaled / elastic
-        by_mass[:, each, each] += 0.5 * scaled * (each >= modal.n_rigid)
+        elastic = np.where(equation >= modal.n_rigid, modal.eigenvalue, np.inf)
+        by_stiffness[:, equation, equation] -= 0.5 * scaled / elastic
+        by_mass[:, equation, equation] += 0.5 * scaled * (equation >= modal.n_rigid)
 
         sure = self.sure * self.looked
         rest = (self.shape - mean @ modal.rows.T) * sure[:, None]
         seen = (modal.rows @ covariance) * sure[:, None, None]
         by_rows = (
             seen - rest[:, :, None] * mean[:, None, :]
-        )  # what each element of dPsi counts for, (n, n_dof, m)
-        found = np.zeros((n, n_coordinate))
+        )  # derivative by each element of dPsi, (n, n_dof, m)
+        total = np.zeros((n, n_coordinate))
         if modal.looks.size:
-            found[:, modal.looks] += _times(by_rows, modal.row_change)
+            total[:, modal.looks] += _times(by_rows, modal.row_change)
         if modal.moves.size:
             by_beyond = (modal.beyond_rows.T @ by_rows) / (lam - modal.beyond)[:, :, None]
-            found[:, modal.moves] += (
+            total[:, modal.moves] += (
                 _times(by_stiffness, modal.stiffness)
                 + _times(by_mass, modal.mass)
                 + _times(by_beyond, modal.beyond_stiffness)
@@ -108,8 +108,8 @@ class Latent:
             )
         if modal.of_mode_moves.size:
             of_mode = -(pull / scale)[:, :, None] * mean[:, None, :]
-            found[:, modal.of_mode_moves] += np.einsum("srij,rij->rs", modal.of_mode_change, of_mode)
-        return found
+            total[:, modal.of_mode_moves] += np.einsum("srij,rij->rs", modal.of_mode_change, of_mode)
+        return total
 
 
 def _times(counts: Vector, change: Vector) -> Vector:

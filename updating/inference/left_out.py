@@ -1,4 +1,4 @@
-"""How well an explanation predicts modes and states that it has not seen, by the linear algebra of its fit."""
+"""How well an explanation predicts modes and states that are left out, by the linear algebra of its fit."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ Kind = Literal["frequency", "damping"]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeftOut:
-    """Relative errors of what is predicted from all other data.
+    """Relative errors of predictions from all other data.
 
     Attributes
     ----------
     errors : mapping of "frequency" or "damping" to (n,) float
-        Of natural frequencies and of damping ratios, by measured mode; NaN where nothing is predicted, and of modes
-        that are taken for none of the model's.
+        Of natural frequencies and of damping ratios, by measured mode; NaN where nothing is predicted, and for modes
+        that are set apart from the model's.
     state : (n,) int
-        The state of each.
+        The state of each mode.
     """
 
     errors: Mapping[Kind, Vector]
@@ -43,7 +43,9 @@ class LeftOut:
         if states is None:
             return self
         here = np.isin(self.state, list(states))
-        return replace(self, errors={kind: np.where(here, own, np.nan) for kind, own in self.errors.items()})
+        return replace(
+            self, errors={kind: np.where(here, error, np.nan) for kind, error in self.errors.items()}
+        )
 
     @property
     def frequency(self) -> float:
@@ -60,13 +62,13 @@ class LeftOut:
         return _rms(self.errors[kind])
 
     def beside(self, other: LeftOut, kind: Kind) -> float:
-        """Return the same of the modes that another predicts; those that only this one does not count as all wrong."""
+        """Return the root mean square error of the modes that `other` predicts; 1 for each that only `other` does."""
         mine = np.where(np.isfinite(self.errors[kind]), self.errors[kind], 1.0)
         return _rms(np.where(np.isfinite(other.errors[kind]), mine, np.nan))
 
 
 def left_out(
-    own: Explanation,
+    explanation: Explanation,
     by: Literal["mode", "state", "specimen"] = "mode",
     *,
     near: float = 0.3,
@@ -74,11 +76,11 @@ def left_out(
 ) -> LeftOut:
     """Predict each mode of the structure, in all states at once, or each state, from all other data.
 
-    To first order about the fit nothing is fitted again: the other errors give the step that they would ask for.
+    It is to first order about the fit, without a new fit: the step follows from the errors of the data that remain.
 
     Parameters
     ----------
-    own : Explanation
+    explanation : Explanation
         A fit.
     by : "mode", "state" or "specimen"
         What is left out at a time; specimens where there are several.
@@ -86,26 +88,35 @@ def left_out(
         Difference of the logarithm of eigenvalues, and cosine between modal coordinates, within which two measured
         modes of different states are one of the structure.
     """
-    problem, sizes = own.problem, own.evidence.sizes
+    problem, sizes = explanation.problem, explanation.evidence.sizes
     if isinstance(problem, TreeProblem):
-        precision = np.array([c.std**-2.0 for c in own.coordinates])
+        precision = np.array([c.std**-2.0 for c in explanation.coordinates])
         both = (sizes.stiffness, sizes.damping)
-        found = tree_left_out(own.errors, problem, both, own.x, precision, ~own.at_bound, by, own.n_nuisance)
-        state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(own.errors)])
-        return LeftOut(errors={"frequency": found[0], "damping": found[1]}, state=state)
-    m = own.errors[0].value.shape[1]
-    state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(own.errors)])
-    weight = np.vstack([e.weight @ (own.errors[0].shape.T @ e.shape).T for e in own.errors])
-    eigenvalue = np.concatenate([e.eigenvalue for e in own.errors])
+        predicted = tree_left_out(
+            explanation.errors,
+            problem,
+            both,
+            explanation.x,
+            precision,
+            ~explanation.at_bound,
+            by,
+            explanation.n_nuisance,
+        )
+        state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(explanation.errors)])
+        return LeftOut(errors={"frequency": predicted[0], "damping": predicted[1]}, state=state)
+    m = explanation.errors[0].value.shape[1]
+    state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(explanation.errors)])
+    weight = np.vstack([e.weight @ (explanation.errors[0].shape.T @ e.shape).T for e in explanation.errors])
+    eigenvalue = np.concatenate([e.eigenvalue for e in explanation.errors])
     covariance = sizes.stiffness**2 * problem.discrepancy + problem.noise
     of_damping = sizes.damping**2 * problem.damping_discrepancy + problem.damping_noise
-    precision = np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12
-    damped = np.isfinite(np.concatenate([e.damping for e in own.errors]))
+    precision = np.array([c.std**-2.0 for c in explanation.coordinates]) + 1e-12
+    damped = np.isfinite(np.concatenate([e.damping for e in explanation.errors]))
     value = problem.value.reshape(-1, m)
-    jacobian = problem.jacobian.reshape(-1, m, own.x.size)
+    jacobian = problem.jacobian.reshape(-1, m, explanation.x.size)
     frequency, damping = np.full((2, state.size), np.nan)
     beside = problem.beside(sizes)
-    strange = {int(np.flatnonzero(state == c)[0]) + r for c, r in own.apart}
+    strange = {int(np.flatnonzero(state == c)[0]) + r for c, r in explanation.apart}
     for r in range(state.size):
         if by == "state":
             out = state == state[r]
@@ -118,8 +129,8 @@ def left_out(
         if r in strange:
             continue
         pull = beside[~out].sum(axis=0)
-        step = _step_without(own, out, pull, covariance, of_damping, precision, damped)
-        a = own.errors[state[r]].weight[r - int(np.flatnonzero(state == state[r])[0])]
+        step = _step_without(explanation, out, pull, covariance, of_damping, precision, damped)
+        a = explanation.errors[state[r]].weight[r - int(np.flatnonzero(state == state[r])[0])]
         frequency[r] = 0.5 * float((value[r] + jacobian[r] @ step) @ a)
         if damped[r]:
             i = int(np.count_nonzero(damped[:r]))
@@ -128,7 +139,7 @@ def left_out(
 
 
 def _step_without(
-    own: Explanation,
+    explanation: Explanation,
     out: NDArray[np.bool_],
     pull: Vector,
     covariance: Vector,
@@ -136,14 +147,14 @@ def _step_without(
     precision: Vector,
     damped: NDArray[np.bool_],
 ) -> Vector:
-    """Return the step of the coordinates that the errors of all other modes ask for, (n_coordinate,).
+    """Return the step of the coordinates that follows from the errors of all other modes, (n_coordinate,).
 
-    `pull` is what these modes add to the gradient beside that of their errors (`Problem.beside`).
+    `pull` is what these modes add to the gradient beyond the slope of their errors (`Problem.beside`).
     """
-    problem = own.problem
+    problem = explanation.problem
     assert isinstance(problem, Problem)
-    m = own.errors[0].value.shape[1]
-    hessian, slope = np.diag(precision) + problem.curvature_of(~out), precision * own.x + pull
+    m = explanation.errors[0].value.shape[1]
+    hessian, slope = np.diag(precision) + problem.curvature_of(~out), precision * explanation.x + pull
     for value, jacobian, matrix, keep in (
         (problem.value, problem.jacobian, covariance, ~np.repeat(out, m)),
         (problem.damping, problem.damping_jacobian, of_damping, ~out[damped]),
@@ -155,8 +166,8 @@ def _step_without(
             )
             hessian = hessian + white[:, 1:].T @ white[:, 1:]
             slope = slope + white[:, 1:].T @ white[:, 0]
-    free = ~own.at_bound
-    step = np.zeros(own.x.size)
+    free = ~explanation.at_bound
+    step = np.zeros(explanation.x.size)
     step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
     return step
 

@@ -1,8 +1,8 @@
-"""Where a fit of the base model begins that is far off, or that has measured modes which the model lacks.
+"""The start of a fit whose base model is far off, or which has measured modes that the model lacks.
 
 Each measured mode is one of the model's or, with a probability `STRANGE`, none of them: then its equation errors may be
 anything. The density of this mixture has one maximum over a coordinate of which nothing is known, however far off some
-modes are, where that of normal errors has as many as there are modes to be taken for one another.
+modes are. That of normal errors has many: one for each way of taking modes for one another.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ def robust_start(
     reach: float = 1.2,
     per_step: int = 4,
 ) -> tuple[Vector, frozenset[tuple[int, int]]]:
-    """Scan each coordinate of which nothing is known, and which moves modes, for the most probable mixture of modes.
+    """Scan each coordinate that moves modes and of which nothing is known, for the most probable mixture of modes.
 
     Parameters
     ----------
     model, common : Model and Setting
         The model, and what fits share.
     start : (n_nuisance,)
-        About where to look.
+        Middle of the scan.
     sizes : sequence of float
         Of the discrepancy: the largest that is usual, and more, for nothing else is fitted yet.
     reach : float
-        How far to either side.
+        Distance of the scan to either side.
     per_step : int
         Points in the longest step of a fit; one local model holds for them.
 
@@ -79,16 +79,18 @@ def robust_start(
 
 
 def _mixture(errors: Sequence[Errors], size: float) -> tuple[float, frozenset[tuple[int, int]]]:
-    """Return the logarithm of the density of all modes, one by one, and which are likelier none of the model's."""
+    """Return the logarithm of the density of all modes, and which are more probably none of the model's."""
     total, apart = 0.0, set[tuple[int, int]]()
-    for c, own in enumerate(errors):
-        n, m = own.value.shape
-        discrepancy = joined([own], np.ones((1, 1))).discrepancy.reshape(n, m, n, m)
-        wide = apart_from(own, old=(), new=range(n)).noise
-        for r, value in enumerate(own.value):
-            mine = math.log(1.0 - STRANGE) + _log_normal(value, own.noise[r] + size**2 * discrepancy[r, :, r])
+    for c, of_state in enumerate(errors):
+        n, m = of_state.value.shape
+        discrepancy = joined([of_state], np.ones((1, 1))).discrepancy.reshape(n, m, n, m)
+        wide = apart_from(of_state, old=(), new=range(n)).noise
+        for r, value in enumerate(of_state.value):
+            mine = math.log(1.0 - STRANGE) + _log_normal(
+                value, of_state.noise[r] + size**2 * discrepancy[r, :, r]
+            )
             strange = math.log(STRANGE) + _log_normal(value, wide[r])
-            total += float(np.logaddexp(mine, strange)) + float(own.log_maps[r])
+            total += float(np.logaddexp(mine, strange)) + float(of_state.log_maps[r])
             if strange > mine:
                 apart.add((c, r))
     return total, frozenset(apart)

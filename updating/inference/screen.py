@@ -1,9 +1,9 @@
-"""A screening of all terms: what one step from each of their starts is expected to reach.
+"""A screening of all terms: the cost that one step from each of their starts is expected to reach.
 
 A change of the model acts linearly on equation errors, whatever its size, for given modal coordinates of the measured
-modes. So the errors at a start of a term are those at the origin, where the term is neutral, and
+modes. So the errors at a start of a term are those at the origin, where the term is neutral, plus
 -phi_s' (dK - lambda_r dM) Phi a_r / (omega_s omega_r): no modes are solved for, and all covariances are those of the
-origin. What comes out best is then asked of the model itself.
+origin. The best are then evaluated with the model itself.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class _Origin:
-    """Errors at a point with the derivatives by the coordinates of all terms, whitened, and what whitens them."""
+    """Errors at a point with the derivatives by the coordinates of all terms, whitened, and roots of the covariance."""
 
     x: Vector
     screens: tuple[Screen, ...]
@@ -40,14 +40,16 @@ class _Origin:
 
 
 def _origin(model: Model, setting: Setting, local: LocalModel, x: Vector, sizes: Sizes) -> _Origin | None:
-    """Put the measured modes into the model at a point; None where the model says nothing of changes there."""
+    """Put the measured modes into the model at a point; None where the model has no matrices of changes there."""
     screens = [local.screen(x, c) for c in range(len(model.states))]
-    if any(own is None for own in screens):
+    if any(screen is None for screen in screens):
         return None
-    known = tuple(own for own in screens if own is not None)
+    known = tuple(screen for screen in screens if screen is not None)
     errors = tuple(
-        equation_errors(state, own.modal, setting.noise[c], x.size, [r for d, r in setting.apart if d == c])
-        for c, (state, own) in enumerate(zip(model.states, known, strict=True))
+        equation_errors(
+            state, screen.modal, setting.noise[c], x.size, [r for d, r in setting.apart if d == c]
+        )
+        for c, (state, screen) in enumerate(zip(model.states, known, strict=True))
     )
     problem = joined(errors, setting.common)
     factors = roots(problem, sizes)
@@ -65,27 +67,28 @@ def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tupl
     weight, lam, m = errors.weight, errors.eigenvalue[:, None], errors.weight.shape[1]
     n, k = len(weight), change.moved.size
 
-    def each(pair: tuple[Vector, Vector]) -> Vector:
+    def with_derivatives(pair: tuple[Vector, Vector]) -> Vector:
         return np.concatenate([pair[0][None], np.broadcast_to(pair[1], (k, *pair[0].shape))])
 
     def force(stiffness: Vector, mass: Vector, modes: Vector) -> Vector:
         """Return the dynamic stiffness at each measured mode times modal coordinates, (..., n, m)."""
         return np.asarray((stiffness @ modes[..., None] - lam[..., None] * (mass @ modes[..., None]))[..., 0])
 
-    stiffness, mass = each(change.stiffness), each(change.mass)  # (1 + k, 1 or n, M, m)
+    stiffness = with_derivatives(change.stiffness)  # (1 + k, 1 or n, M, m)
+    mass = with_derivatives(change.mass)
     onto = force(stiffness, mass, weight)
-    beyond = each(change.stiffness_beyond) - lam * each(change.mass_beyond)
+    beyond = with_derivatives(change.stiffness_beyond) - lam * with_derivatives(change.mass_beyond)
     held = modal.beyond - lam
     held = np.maximum(held + beyond[0], 0.1 * held)
     answer = -onto[0, :, m:] / held  # of the modes beyond
     turned = -(onto[1:, :, m:] + beyond[1:] * answer) / held
-    stiff_back, mass_back = (own[:, :, m:].swapaxes(-1, -2) for own in (stiffness, mass))
+    stiff_back, mass_back = (matrix[:, :, m:].swapaxes(-1, -2) for matrix in (stiffness, mass))
     low = onto[:, :, :m] + force(stiff_back, mass_back, answer)
     low[1:] += force(stiff_back[:1], mass_back[:1], turned)
     value = -(low / scales(state, modal)).reshape(k + 1, -1).T
     lost, carried = (
-        np.einsum("ri,krij,rj->kr", weight, np.broadcast_to(own, (k + 1, n, m, m)), weight)
-        for own in (each(change.damping), mass[:, :, :m])
+        np.einsum("ri,krij,rj->kr", weight, np.broadcast_to(matrix, (k + 1, n, m, m)), weight)
+        for matrix in (with_derivatives(change.damping), mass[:, :, :m])
     )
     carried[0] += 1.0  # the modal mass of what was measured
     omega = 2.0 * np.pi * state.frequency
@@ -106,13 +109,13 @@ def screened(
     sizes: Sizes,
     *,
     asked: int = 12,
-    each: int = 3,
+    starts_each: int = 3,
     steps: int = 4,
     weak: float = 0.1,
 ) -> dict[str, tuple[float, Vector, LocalModel]]:
-    """Return what a few steps are expected to reach with each further term, minus the cost, and where it leads.
+    """Return the negative cost that a few steps with each further term are expected to reach, and where they end.
 
-    Returned with the model that has the term's coordinates alone.
+    The third value is the model that has the term's coordinates alone.
 
     Parameters
     ----------
@@ -122,25 +125,24 @@ def screened(
         Terms of the explanation, and those of which each is added alone.
     origins : sequence of mapping of str to float
         Coordinates of the explanation from which steps are taken; further ones are at their starts.
-    asked, each : int
-        Terms, the best of the screening, of which the model itself is asked, and starts of each, the best of these and
-        that of each origin.
+    asked, starts_each : int
+        Number of terms, the best of the screening, that are evaluated with the model itself, and number of starts of
+        each: the best, and the best from each origin.
     steps : int
-        Most steps that are taken from the best of them, for what one promises of a start far off is little more than a
-        rank.
+        Most steps that are taken from the best start: what one step promises far off is little more than a rank.
     weak : float
-        Share of the starts from which terms of several coordinates are tried as well; those of one from neutral.
+        Terms of several coordinates also start at this share of their starts; those of one coordinate at neutral.
     """
-    every = coordinates_of(model, [*present, *further])
-    index = {c.name: i for i, c in enumerate(every)}
-    points = [np.array([have.get(c.name, 0.0) for c in every]) for have in origins]
+    coordinates = coordinates_of(model, [*present, *further])
+    index = {c.name: i for i, c in enumerate(coordinates)}
+    points = [np.array([values_of.get(c.name, 0.0) for c in coordinates]) for values_of in origins]
     at: list[tuple[Vector, _Origin | None]] = []
     for x in points:
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
             at.append((x, _origin(model, setting, local, x, sizes)))
     if not at:
         return {}
-    # What a step promises, from which origin, and its start, by term.
+    # What a step is expected to reach, its origin, and its start, by term.
     first: dict[str, list[tuple[float, int, Vector]]] = {}
     for term in further:
         together = coordinates_of(model, [*present, term])
@@ -151,17 +153,19 @@ def screened(
         for values, (o, (x, origin)) in itertools.product(trials, enumerate(at)):
             start = x.copy()
             start[[index[c.name] for c in new]] = values
-            ahead = None if origin is None else _ahead(model, origin, start, columns, together)
-            one = np.inf if ahead is None else ahead, o, start[columns]
-            first.setdefault(term.name, []).append(one)
-    by_name, found = {term.name: term for term in further}, dict[str, tuple[float, Vector, LocalModel]]()
-    for rank, name in enumerate(sorted(first, key=lambda name: -max(ahead for ahead, *_ in first[name]))):
-        starts = sorted(first[name], key=lambda one: -one[0])
+            expected = None if origin is None else _expected(model, origin, start, columns, together)
+            trial = np.inf if expected is None else expected, o, start[columns]
+            first.setdefault(term.name, []).append(trial)
+    by_name, reached = {term.name: term for term in further}, dict[str, tuple[float, Vector, LocalModel]]()
+    for rank, name in enumerate(
+        sorted(first, key=lambda name: -max(expected for expected, *_ in first[name]))
+    ):
+        starts = sorted(first[name], key=lambda trial: -trial[0])
         known = np.isfinite(starts[0][0])
         if rank >= asked and known:
             break
-        of_origins = {next(i for i, one in enumerate(starts) if one[1] == o) for o in range(len(at))}
-        chosen = sorted({*range(min(each, len(starts))), *of_origins}) if known else range(len(starts))
+        of_origins = {next(i for i, trial in enumerate(starts) if trial[1] == o) for o in range(len(at))}
+        chosen = sorted({*range(min(starts_each, len(starts))), *of_origins}) if known else range(len(starts))
         terms, tried = [*present, by_name[name]], list[tuple[float, Vector]]()
         near = local.of(coordinates_of(model, terms))
         for _, _, start in (starts[i] for i in chosen):
@@ -169,20 +173,20 @@ def screened(
                 tried.append(outlook(model, terms, setting, start, near, sizes))
         if not tried:
             continue
-        found[name] = *max(tried, key=lambda one: one[0]), near
+        reached[name] = *max(tried, key=lambda trial: trial[0]), near
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):
             for _ in range(steps - 1):
-                before, to, _ = found[name]
-                found[name] = *outlook(model, terms, setting, to, near, sizes), near
-                if abs(found[name][0] - before) < 1.0:
+                before, to, _ = reached[name]
+                reached[name] = *outlook(model, terms, setting, to, near, sizes), near
+                if abs(reached[name][0] - before) < 1.0:
                     break
-    return found
+    return reached
 
 
-def _ahead(
+def _expected(
     model: Model, origin: _Origin, start: Vector, columns: NDArray[np.intp], coordinates: Sequence[Coordinate]
 ) -> float | None:
-    """Return what one step from a start is expected to reach, minus the cost; None where no change is known."""
+    """Return the negative cost that one step from a start is expected to reach; None where no change is known."""
     value, jacobian = origin.value, origin.jacobian[:, columns]
     if np.any(start != origin.x):
         parts = []
@@ -192,13 +196,13 @@ def _ahead(
                 return None
             parts.append((change.moved, *_changed(state, errors, screen.modal, change)))
         moved = parts[0][0]
-        stiffness = np.vstack([own[1] for own in parts])
-        damped = np.isfinite(np.concatenate([own.damping for own in origin.errors]))
-        damping = np.vstack([own[2] for own in parts])[damped]
+        stiffness = np.vstack([part[1] for part in parts])
+        damped = np.isfinite(np.concatenate([part.damping for part in origin.errors]))
+        damping = np.vstack([part[2] for part in parts])[damped]
         change_white = np.vstack(
             [
-                la.solve_triangular(root, own, lower=True, check_finite=False)
-                for root, own in zip(origin.roots, (stiffness, damping), strict=True)
+                la.solve_triangular(root, part, lower=True, check_finite=False)
+                for root, part in zip(origin.roots, (stiffness, damping), strict=True)
             ]
         )
         value = value + change_white[:, 0]

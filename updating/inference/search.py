@@ -45,14 +45,14 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prediction:
-    """How an explanation predicts what is left out, and how far it pulls what is known.
+    """How well an explanation predicts what is left out, and how far it pulls nuisances from their priors.
 
     Attributes
     ----------
     mode, state : LeftOut
         Errors where modes, and where states, are left out.
     pull : float
-        Standard deviations of its prior by which the farthest nuisance was moved.
+        Distance of the farthest nuisance from its prior, in standard deviations of the prior.
     """
 
     mode: LeftOut
@@ -71,17 +71,17 @@ class Search:
     Attributes
     ----------
     setting : Setting
-        What their fits share.
+        What all fits share.
     priors : mapping of str to float
-        Logarithms of the probabilities of the terms that could be missing, before anything was measured.
+        Logarithms of the prior probabilities of the terms.
     freed : frozenset of str
         Nuisances whose prior some term widens.
     fitted : mapping of frozenset of str to Explanation
         By their terms; the base model has none.
     chosen : Explanation
-        The last of the way from the base model on which every step is told apart and predicts better.
+        The last of the steps from the base model, each of which is clearly more probable and predicts better.
     states : mapping of str to tuple of int or None
-        The states that each term changes; all where it is None or not there.
+        The states that each term changes; all where it is None or absent.
     """
 
     setting: Setting
@@ -97,55 +97,55 @@ class Search:
         """The base model."""
         return self.fitted[frozenset()]
 
-    def odds(self, own: Explanation) -> float:
+    def odds(self, explanation: Explanation) -> float:
         """Return the logarithm of the posterior odds against the base model."""
-        prior = sum(self.priors[name] for name in own.terms)
-        return own.log_evidence - self.base.log_evidence + prior
+        prior = sum(self.priors[name] for name in explanation.terms)
+        return explanation.log_evidence - self.base.log_evidence + prior
 
     def helps(self, new: Explanation, old: Explanation) -> bool:
-        """Tell whether an explanation predicts better than another, see `better`, the states that its terms change."""
+        """Tell whether an explanation predicts the states that its terms change better than another (see `better`)."""
         among = _changed(self.states, new, old)
         return better(self.prediction(new).among(among), self.prediction(old).among(among))
 
-    def prediction(self, own: Explanation) -> Prediction:
-        """Return how an explanation predicts what is left out."""
-        return predicted(own, self._seen)
+    def prediction(self, explanation: Explanation) -> Prediction:
+        """Return how well an explanation predicts what is left out."""
+        return predicted(explanation, self._seen)
 
 
 def _changed(
     states: Mapping[str, tuple[int, ...] | None], new: Explanation, old: Explanation
 ) -> tuple[int, ...] | None:
-    """Return the states that terms change which one of two explanations has alone; None of all."""
-    found = set[int]()
+    """Return the states changed by the terms that only one of two explanations has; None for all states."""
+    changed = set[int]()
     for name in set(new.terms) ^ set(old.terms):
-        own = states.get(name)
-        if own is None:
+        of_term = states.get(name)
+        if of_term is None:
             return None
-        found |= set(own)
-    return tuple(sorted(found)) or None
+        changed |= set(of_term)
+    return tuple(sorted(changed)) or None
 
 
-def predicted(own: Explanation, seen: dict[int, Prediction]) -> Prediction:
-    """Return how an explanation predicts what is left out; `seen` keeps what was computed."""
-    if id(own) not in seen:
-        held = np.array([np.isfinite(c.std) for c in own.coordinates])
-        held[own.n_nuisance :] = False
-        seen[id(own)] = Prediction(
-            mode=left_out(own),
-            state=left_out(own, "state"),
-            pull=float(np.max(np.abs(own.pulls[held]), initial=0.0)),
+def predicted(explanation: Explanation, seen: dict[int, Prediction]) -> Prediction:
+    """Return how well an explanation predicts what is left out; `seen` keeps results."""
+    if id(explanation) not in seen:
+        held = np.array([np.isfinite(c.std) for c in explanation.coordinates])
+        held[explanation.n_nuisance :] = False
+        seen[id(explanation)] = Prediction(
+            mode=left_out(explanation),
+            state=left_out(explanation, "state"),
+            pull=float(np.max(np.abs(explanation.pulls[held]), initial=0.0)),
         )
-    return seen[id(own)]
+    return seen[id(explanation)]
 
 
 def better(new: Prediction, old: Prediction) -> bool:
-    """Tell whether an explanation predicts better by what matters, or lets go of what is known and was pulled far.
+    """Tell whether an explanation predicts better by what matters, or releases a nuisance that was pulled far.
 
-    Errors of frequencies and of damping ratios are compared where modes, and where states, are left out. One must fall,
-    and that of frequencies of left-out modes may not rise, nor be so large that nothing is predicted; that of left-out
-    states is for the most part what assembly does to each. What explains a difference between two states cannot be
-    predicted from one of them: there it is the pull that tells. What pulls a known quantity far, and farther than
-    before, contradicts what is known: it stands in for something else.
+    Errors of frequencies and of damping ratios are compared where modes, and where states, are left out. One must fall.
+    The error of the frequencies of left-out modes may not rise, nor be so large that nothing is predicted; that of
+    left-out states is mostly the scatter of assembly. A difference between two states cannot be predicted from one of
+    them: there the pull decides. An explanation that pulls a nuisance far, and farther than before, contradicts what is
+    known: it stands in for something else.
     """
     falls = False
     for after, before in ((new.mode, old.mode), (new.state, old.state)):
@@ -169,26 +169,29 @@ def begin(
 ) -> tuple[Setting, Explanation]:
     """Fit the base model from the best of several starts, and return what all fits share and the fit.
 
-    Where that leaves more than right models do, the fit begins at `robust_start` as well. The noise of shapes is that
-    beside the model where it fits: beside one that is far off, it would be misfit.
+    Where the discrepancy is larger than that of a right model, a fit begins at `robust_start` as well. The noise of
+    shapes is estimated where the model fits: with a model far off it would be misfit.
     """
     nuisances = model.nuisances
 
     def first(start: Vector) -> Explanation:
         local = model.about(nuisances, [start])
-        own = setting(model, local, start, shares=shares, priors=priors)
-        return converged(model, [], own, start, local=local, rounds=1)
+        first_setting = setting(model, local, start, shares=shares, priors=priors)
+        return converged(model, [], first_setting, start, local=local, rounds=1)
 
     def beside(x: Vector) -> Setting:
         return setting(model, model.about(nuisances, [x]), x, shares=shares, priors=priors)
 
-    best = min(map(first, starts), key=lambda one: np.mean([np.mean(e.frequency**2) for e in one.errors]))
+    best = min(
+        map(first, starts),
+        key=lambda f: np.mean([np.mean(e.frequency**2) for e in f.errors]),
+    )
     common = beside(best.x)
     best = explain(model, [], common, best.x)
     if too_large(best, priors):
         x, strange = robust_start(model, common, starts[0])
-        other = explain(model, [], replace(common, apart=strange), x)
-        best = max(best, other, key=lambda one: one.log_evidence)
+        robust = explain(model, [], replace(common, apart=strange), x)
+        best = max(best, robust, key=lambda f: f.log_evidence)
     common = beside(best.x)
     return common, explain(model, [], replace(common, apart=best.apart), best.x)
 
@@ -216,7 +219,7 @@ def search(
     model, common, base
         The model, what fits share, and the fit of the base model.
     starts : sequence of (n_nuisance,)
-        From where fits of the base model started: where it is far off, what is missing drew it away from there.
+        Starts of the base model: where its fit is far off, what is missing drew it away from there.
     asked : sequence of sequence of str
         Terms that are fitted together in any case.
     in_full : int
@@ -228,14 +231,14 @@ def search(
     deepest : int
         Most terms.
     behind : float
-        Logarithm of the odds by which an explanation beside which a further term is looked for may be behind the best.
+        A further term is looked for beside an explanation whose log odds are at most this far below the best.
     extend_by : callable
         Fits each further term beside an explanation, and returns the likeliest fits; `extended` by default.
     sharpen : callable
-        Returns the model, what fits share and whether they are to be made anew, from what is best after the first
-        extension; by default the noise of the shapes is made that beside it.
+        Returns the model, what fits share and whether fits are to be repeated, from the best explanation after the
+        first extension; by default the noise of the shapes is estimated anew beside that.
     say : callable
-        Takes progress.
+        Receives lines on progress.
     """
     terms, seen = model.terms, dict[int, Prediction]()
     fitted: dict[frozenset[str], Explanation] = {frozenset(): base}
@@ -243,36 +246,36 @@ def search(
     priors = {name: alike if t.log_prior is None else t.log_prior for name, t in terms.items()}
     states = {name: t.states for name, t in terms.items()}
 
-    def odds(own: Explanation) -> float:
-        return own.log_evidence - fitted[frozenset()].log_evidence + sum(priors[n] for n in own.terms)
+    def odds(fit: Explanation) -> float:
+        return fit.log_evidence - fitted[frozenset()].log_evidence + sum(priors[n] for n in fit.terms)
 
     def helps(new: Explanation, old: Explanation) -> bool:
         among = _changed(states, new, old)
         return better(predicted(new, seen).among(among), predicted(old, seen).among(among))
 
-    def again(one: Explanation, steps: int = 8) -> Explanation:
-        of = [terms[n] for n in one.terms]
-        return explain(model, of, replace(common, apart=one.apart), one.x, steps=steps)
+    def again(explanation: Explanation, steps: int = 8) -> Explanation:
+        of = [terms[n] for n in explanation.terms]
+        return explain(model, of, replace(common, apart=explanation.apart), explanation.x, steps=steps)
 
     def extend(at: Explanation) -> None:
-        further_ones = (extend_by or extended)(model, common, at, starts)
-        for i, one in enumerate(further_ones[:in_full]):
-            near = further_ones[0].log_evidence - one.log_evidence < behind
-            if near and frozenset(one.terms) not in fitted:
-                may_matter = i < likeliest or odds(one) - odds(at) > -behind / 4.0
-                fitted[frozenset(one.terms)] = again(one) if may_matter else one
+        fits = (extend_by or extended)(model, common, at, starts)
+        for i, explanation in enumerate(fits[:in_full]):
+            near = fits[0].log_evidence - explanation.log_evidence < behind
+            if near and frozenset(explanation.terms) not in fitted:
+                may_matter = i < likeliest or odds(explanation) - odds(at) > -behind / 4.0
+                fitted[frozenset(explanation.terms)] = again(explanation) if may_matter else explanation
         best = " + ".join(max(fitted.values(), key=odds).terms) or "no effect"
         say(f"{len(fitted)} explanations fitted, most probable so far: {best}")
 
     extend(base)
     model, common, refit = (sharpen or _sharpened)(model, common, max(fitted.values(), key=odds))
-    if refit:  # the noise was misfit of the base model: all is compared anew, that where it stands
+    if refit:  # the noise was misfit of the base model: all are fitted again, the base model without a step
         fitted = {names: again(f, steps=8 if names else 0) for names, f in fitted.items()}
         base = fitted[frozenset()]
     else:
-        other = explain(model, [], common, max(fitted.values(), key=odds).x[: base.x.size])
-        if other.log_evidence > base.log_evidence:
-            base = fitted[frozenset()] = other
+        base_again = explain(model, [], common, max(fitted.values(), key=odds).x[: base.x.size])
+        if base_again.log_evidence > base.log_evidence:
+            base = fitted[frozenset()] = base_again
     chosen = base
     for depth in range(1, deepest + 1):
         pool = sorted((f for f in fitted.values() if len(f.terms) == depth), key=odds, reverse=True)
@@ -298,7 +301,7 @@ def search(
 def _sharpened(
     model: Model, common: Setting, best: Explanation, *, less: float = 0.7
 ) -> tuple[Model, Setting, bool]:
-    """Return model and setting, the noise of shapes being that beside an explanation where less, and if it matters."""
+    """Return model and setting with the noise of shapes beside an explanation, where less, and whether that matters."""
     beside = setting(model, model.about(best.coordinates, [best.x]), best.x, shares=(1.0, 0.0, 0.0))
     noise = tuple(np.minimum(*pair) for pair in zip(common.noise, beside.noise, strict=True))
     ratio = np.concatenate(noise) / np.concatenate(common.noise)
@@ -321,9 +324,8 @@ def extended(
 ) -> list[Explanation]:
     """Fit each further term beside an explanation on one basis about it, the likeliest first.
 
-    Terms are ordered by what one step from each of their starts is expected to reach. The `least` likeliest, and of the
-    `last` likeliest those that are expected to lower the cost by `gain`, take up to `steps`, as long as each lowers it
-    by more than `small`.
+    Terms are ordered by the cost that `screened` expects. The `least` likeliest, and of the `last` likeliest those that
+    are expected to lower the cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`.
     """
     common = replace(common, apart=at.apart)
     present = [model.terms[n] for n in at.terms]
@@ -342,23 +344,23 @@ def extended(
         names = [c.name for c in model.nuisances]
         origins += [{**have, **dict(zip(names, start, strict=True))} for start in starts]
     local = model.about(
-        coordinates, [np.array([own.get(c.name, 0.0) for c in coordinates]) for own in origins]
+        coordinates, [np.array([origin.get(c.name, 0.0) for c in coordinates]) for origin in origins]
     )
-    ahead = screened(model, common, present, further, origins, local, at.evidence.sizes)
+    expected = screened(model, common, present, further, origins, local, at.evidence.sizes)
     now = outlook(model, present, common, at.x, local.of(at.coordinates), at.evidence.sizes)[0]
-    found = []
-    for i, name in enumerate(sorted(ahead, key=lambda n: -ahead[n][0])[:last]):
-        if i >= least and ahead[name][0] < now + gain:
+    fits = []
+    for i, name in enumerate(sorted(expected, key=lambda n: -expected[n][0])[:last]):
+        if i >= least and expected[name][0] < now + gain:
             break
         terms = [*present, model.terms[name]]
         try:
-            found.append(
+            fits.append(
                 converged(
                     model,
                     terms,
                     common,
-                    ahead[name][1],
-                    local=ahead[name][2],
+                    expected[name][1],
+                    local=expected[name][2],
                     rounds=1,
                     steps=steps,
                     small=small,
@@ -367,7 +369,7 @@ def extended(
             )
         except (np.linalg.LinAlgError, ValueError):
             continue
-    return sorted(found, key=lambda f: -f.log_evidence)
+    return sorted(fits, key=lambda f: -f.log_evidence)
 
 
 def _needed(
@@ -377,7 +379,7 @@ def _needed(
     chosen: Explanation,
     odds: Callable[[Explanation], float],
 ) -> Explanation:
-    """Drop the terms of an explanation that are no longer needed; what was not fitted without one is fitted now."""
+    """Drop the terms of an explanation that are no longer needed; fit it without each term where that is missing."""
     while len(chosen.terms) > 1:
         parts = [frozenset(chosen.terms) - {name} for name in chosen.terms]
         have = {c.name: value for c, value in zip(chosen.coordinates, chosen.x, strict=True)}
@@ -396,7 +398,7 @@ def _needed(
 def _from_parts(
     model: Model, common: Setting, fitted: Mapping[frozenset[str], Explanation], together: Sequence[Term]
 ) -> Explanation:
-    """Fit terms together from where the best explanation of a part of them has what it has."""
+    """Fit terms together, from the estimates of the best explanation that has a part of them."""
     names = {t.name for t in together}
     at = max((f for k, f in fitted.items() if k < names), key=lambda f: f.log_evidence)
     coordinates = coordinates_of(model, together)

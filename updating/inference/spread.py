@@ -1,4 +1,4 @@
-"""What data say, to first order, of coordinates that a fit does not have."""
+"""What data say to first order of coordinates that a fit lacks."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def rise(
     sizes: Sizes,
     fitted: Sequence[bool] | NDArray[np.bool_],
 ) -> float:
-    """Return the misfit that a linear step of the coordinates that are fitted leaves, their priors included.
+    """Return the misfit after a linear step of the fitted coordinates, their priors included.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def information(
     sizes: Sizes,
     fitted: Sequence[bool] | NDArray[np.bool_],
 ) -> tuple[Vector, Vector]:
-    """Return the estimate and standard deviation of each coordinate beside those that are fitted, each alone.
+    """Return the estimate and standard deviation of each coordinate, added alone to those that are fitted.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Marginal likelihood of errors on a tree: over coordinates and over sizes by Laplace's method about the likeliest.
 
-Of many states sizes are known so well that a grid would step over them; so the likeliest are looked for.
+With many states sizes are known so well that a grid would step over them; so the likeliest are searched for.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def tree_evidence(
     priors : (SizePrior, SizePrior)
         Of the two sizes.
     sizes : Sizes
-        From where the likeliest ones are looked for.
+        Where the search for the likeliest begins.
     rounds : int
-        In which each size is looked for beside the other.
+        In each, one size is found after the other.
     """
     known = np.diag(precision + 1e-12) + problem.curvature
     looks = (_kept(problem.of_stiffness), _kept(problem.of_damping))
@@ -54,9 +54,11 @@ def tree_evidence(
     ]
 
     def log(pair: list[float]) -> float:
-        found = looks[0](pair[0]) + looks[1](pair[1])
-        inner = found.misfit + 2.0 * found.log + float(np.linalg.slogdet(found.hessian + known)[1])
-        prior = sum(own.log_density_at(size) for own, size in zip(priors, pair, strict=True))
+        weighed = looks[0](pair[0]) + looks[1](pair[1])
+        inner = weighed.misfit + 2.0 * weighed.log + float(np.linalg.slogdet(weighed.hessian + known)[1])
+        prior = sum(
+            prior_of_size.log_density_at(size) for prior_of_size, size in zip(priors, pair, strict=True)
+        )
         return -0.5 * (inner + float(np.sum(precision * x**2))) + prior
 
     widths = [0.0, 0.0]
@@ -72,8 +74,8 @@ def tree_evidence(
         if all(abs(np.log(a / b)) < 0.1 for a, b in zip(at, before, strict=True)):
             break
     top = log(at) + sum(0.5 * np.log(2.0 * np.pi) + np.log(w) for w in widths if w > 0.0)
-    found = looks[0](at[0]) + looks[1](at[1])
-    covariance = scaled_inverse(found.hessian + known)
+    weighed = looks[0](at[0]) + looks[1](at[1])
+    covariance = scaled_inverse(weighed.hessian + known)
     chance = [_CHANCE if w > 0.0 else np.ones(1) for w in widths]
     grids = tuple(
         prior.near(size, _NODES * w, 3) if w > 0.0 else SizePrior.exactly(size)

@@ -1,4 +1,4 @@
-"""How well an explanation of many states predicts what it has not seen: messages on the tree without that."""
+"""How well an explanation of many states predicts what is left out: messages on the tree without it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def tree_left_out(
     sizes : (float, float)
         Of the discrepancies of equation errors and of damping ratios.
     by : "mode", "state" or "specimen"
-        What is left out at a time. Of a specimen, nuisances of its own are fitted to it: no other tells them.
+        What is left out at a time. Nuisances that only a specimen has are fitted to it: no other data determine them.
     n_nuisance : int
         Number of coordinates that are of the base model, the first ones.
 
@@ -46,41 +46,41 @@ def tree_left_out(
     """
     passing = Passing(problem, sizes[0])
     first = np.cumsum([0, *(len(e.value) for e in errors)])
-    found = np.full((2, int(first[-1])), np.nan)
+    errors_left_out = np.full((2, int(first[-1])), np.nan)
     of_state = [np.flatnonzero(problem.damping_at == c) for c in range(len(errors))]
     seen = [np.flatnonzero(np.isfinite(e.damping)) for e in errors]
     beside = problem.beside(Sizes(stiffness=sizes[0], damping=sizes[1]))
     groups = list(_modes(problem) if by == "mode" else _states(problem, deep=by == "state"))
     for out in groups:
         if all(c in out and out[c] is None for c in range(len(errors))):
-            return np.full_like(found, np.nan)
+            return np.full_like(errors_left_out, np.nan)
         damped = np.ones(problem.damping.size, dtype=bool)
         for c, rows in out.items():
             gone = slice(None) if rows is None else np.isin(seen[c], _gone(problem, c, rows))
             damped[of_state[c][gone]] = False
-        own = problem.whole(passing.root(out)) + problem.of_damping(sizes[1], damped)
+        weighed = problem.whole(passing.root(out)) + problem.of_damping(sizes[1], damped)
         kept = _kept(problem, out)
-        hessian = own.hessian + np.diag(precision + 1e-12) + problem.curvature_of(kept)
-        slope = own.slope + precision * x + beside[kept].sum(axis=0)
+        hessian = weighed.hessian + np.diag(precision + 1e-12) + problem.curvature_of(kept)
+        slope = weighed.slope + precision * x + beside[kept].sum(axis=0)
         step = np.zeros(x.size)
         step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
         if by == "specimen":
-            _own_fitted(step, passing, problem, sizes[1], precision, x, out, n_nuisance, beside)
+            _step_alone(step, passing, problem, sizes[1], precision, x, out, n_nuisance, beside)
         for c, rows in out.items():
             e, leaf = errors[c], problem.leaves[c]
             n, m = e.value.shape
             k = leaf.touched.size
             value = (leaf.columns[:, 0] + leaf.columns[:, 1 : 1 + k] @ step[leaf.touched]).reshape(n, m)
             modes = np.arange(n) if rows is None else _gone(problem, c, rows)
-            found[0, first[c] + modes] = (0.5 * np.sum(value * e.weight, axis=1))[modes]
+            errors_left_out[0, first[c] + modes] = (0.5 * np.sum(value * e.weight, axis=1))[modes]
             there = np.isin(seen[c], modes)
             which = of_state[c][there]
             predicted = problem.damping[which] + problem.damping_jacobian[which] @ step
-            found[1, first[c] + seen[c][there]] = predicted
-    return found
+            errors_left_out[1, first[c] + seen[c][there]] = predicted
+    return errors_left_out
 
 
-def _own_fitted(
+def _step_alone(
     step: Vector,
     passing: Passing,
     problem: TreeProblem,
@@ -91,32 +91,32 @@ def _own_fitted(
     n_nuisance: int,
     beside: Vector,
 ) -> None:
-    """Set the steps of nuisances that the states left out have alone to what these ask for, all others being given."""
+    """Set the steps of nuisances that only the states left out have, from these states, with all other steps given."""
     others = {c: None for c in range(len(problem.leaves)) if c not in out}
     elsewhere = np.unique(np.concatenate([problem.leaves[c].touched for c in others]))
     here = np.unique(np.concatenate([problem.leaves[c].touched for c in out]))
-    own = np.setdiff1d(here[here < n_nuisance], elsewhere)
+    alone = np.setdiff1d(here[here < n_nuisance], elsewhere)
     damped = np.isin(problem.damping_at, list(out))
-    found = problem.whole(passing.root(others)) + problem.of_damping(size, damped)
-    rest = np.setdiff1d(here, own)
+    weighed = problem.whole(passing.root(others)) + problem.of_damping(size, damped)
+    rest = np.setdiff1d(here, alone)
     kept = _kept(problem, others)
-    hessian = found.hessian + problem.curvature_of(kept)
-    slope = found.slope[own] + precision[own] * x[own] + beside[kept].sum(axis=0)[own]
-    slope += hessian[np.ix_(own, rest)] @ step[rest]
-    step[own] = -scaled_solve(hessian[np.ix_(own, own)] + np.diag(precision[own] + 1e-12), slope)
+    hessian = weighed.hessian + problem.curvature_of(kept)
+    slope = weighed.slope[alone] + precision[alone] * x[alone] + beside[kept].sum(axis=0)[alone]
+    slope += hessian[np.ix_(alone, rest)] @ step[rest]
+    step[alone] = -scaled_solve(hessian[np.ix_(alone, alone)] + np.diag(precision[alone] + 1e-12), slope)
 
 
 def _kept(problem: TreeProblem, without: Without) -> NDArray[np.bool_]:
     """Return which measured modes are not left out, (n,)."""
-    found = []
+    by_state = []
     for c, leaf in enumerate(problem.leaves):
         kept = np.ones(leaf.mode[-1] + 1, dtype=bool)
         if c in without:
             rows = without[c]
             kept[:] = False
             kept[np.unique(leaf.mode[rows]) if rows is not None else []] = True
-        found.append(kept)
-    return np.concatenate(found)
+        by_state.append(kept)
+    return np.concatenate(by_state)
 
 
 def _gone(problem: TreeProblem, c: int, kept: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -132,9 +132,11 @@ def _states(problem: TreeProblem, *, deep: bool) -> Iterator[Without]:
 
 
 def _modes(problem: TreeProblem, *, alike: float = 0.7) -> Iterator[Without]:
-    """Yield the errors that are kept where one mode of the structure is left out of all states that have it."""
-    left = [set(range(len(own))) for own in problem.turned]
-    unit = [own / np.linalg.norm(own, axis=1, keepdims=True) for own in problem.turned]
+    """Yield the errors that are kept when one mode of the structure is left out of all states that have it."""
+    left = [set(range(len(coordinates))) for coordinates in problem.turned]
+    unit = [
+        coordinates / np.linalg.norm(coordinates, axis=1, keepdims=True) for coordinates in problem.turned
+    ]
     for c in range(len(unit)):
         while left[c]:
             first = unit[c][min(left[c])]
