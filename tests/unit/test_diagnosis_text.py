@@ -7,7 +7,7 @@ import pytest
 
 from model import catalogue
 from updating.correlation.rig_check import ForcePlace, RigCheck
-from updating.diagnosis.answer import Diagnosis, ModeError, Ranked, Strained, confounded_in, overstated_in
+from updating.diagnosis.answer import Diagnosis, ModeError, Pulled, Ranked, confounded_in, overstated_in
 from updating.diagnosis.answer_parts import (
     ContactAmplitude,
     MixedUp,
@@ -16,7 +16,7 @@ from updating.diagnosis.answer_parts import (
     SensorGain,
     Sizes,
 )
-from updating.diagnosis.nuisance_text import misstated, strained
+from updating.diagnosis.nuisance_text import misstated, pulled_text
 from updating.diagnosis.text import next_command, second_level_text, sentences
 from updating.fitting.fit import ParameterEstimate
 from updating.report.answer import headline
@@ -400,8 +400,8 @@ def test_what_falls_is_said_and_nothing_else_is_said_to_fall(before, after, said
     ],
 )
 def test_what_would_have_to_be_far_off_is_said_in_words(name, value, std, text):
-    own = Strained(name=name, value=value, std=std)
-    assert strained([own]) == [text]
+    own = Pulled(name=name, value=value, std=std)
+    assert pulled_text([own]) == [text]
     assert f"Beware: {text}" in sentences(diagnosis("nothing missing", strained=(own,)))
     assert f"Without it, {text}" in sentences(diagnosis("identified", STINGER, relieved=(own,)))
 
@@ -542,7 +542,7 @@ def test_an_interval_says_what_must_be_said_of_it():
 
 
 def test_two_torques_that_differ_are_one_difference():
-    each = Strained(name="G_f[M1]", value=-0.13, std=0.03), Strained(name="G_f[M2]", value=0.13, std=0.03)
+    each = Pulled(name="G_f[M1]", value=-0.13, std=0.03), Pulled(name="G_f[M2]", value=0.13, std=0.03)
     said = sentences(diagnosis("nothing missing", strained=each))
     assert (
         "Beware: the contact stiffness G_f would have to be 30 % higher at M2 than at M1, beyond what their pressures "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from updating.diagnosis.mixed_up import put_right
+from updating.diagnosis.mixed_up import correct
 
 N_DOF, N_MODE, NAMES = 16, 4, ("M1", "M2")
 NODE = np.arange(101, 101 + N_DOF)
@@ -51,7 +51,7 @@ def corrected(measured, nodes=(NODE, NODE)):
     modal = SimpleNamespace(rows=EVERY[:, :N_MODE], beyond_rows=EVERY[:, N_MODE:], eigenvalue=np.ones(N_MODE))
     local = SimpleNamespace(modal=lambda x, state: modal)
     noise = [STD / n for n in length]
-    found, mixed_up = put_right(SimpleNamespace(states=states), local, np.zeros(1), noise, tested, nodes)
+    found, mixed_up = correct(SimpleNamespace(states=states), local, np.zeros(1), noise, tested, nodes)
     return tested, found, mixed_up
 
 

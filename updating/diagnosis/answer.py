@@ -66,7 +66,7 @@ class Ranked:
         states, or m, by the names that `Moved` has.
     modelled : mapping of str to (n,) float
         Natural frequencies of the elastic modes of its model, Hz, by state, to somewhat above the band.
-    strained : tuple of Strained
+    strained : tuple of Pulled
         What is known of the stack or of the measurement and would have to be far off.
     """
 
@@ -86,7 +86,7 @@ class Ranked:
     discrepancy: Sizes
     nuisance: Mapping[str, float] = field(default_factory=dict)
     modelled: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    strained: tuple[Strained, ...] = ()
+    strained: tuple[Pulled, ...] = ()
 
     def error(self, kind: Telling) -> float:
         """Return the mean relative error of frequencies or of damping ratios."""
@@ -97,28 +97,34 @@ class Ranked:
         return self.left_out_error if kind == "frequency" else self.left_out_damping_error
 
 
-def telling(base: Ranked, own: Ranked) -> Telling:
+def telling(base: Ranked, explanation: Ranked) -> Telling:
     """Return which errors tell what an explanation is worth: those of damping ratios, where frequencies hardly gain."""
-    if own.frequency_error <= _GAIN * base.frequency_error or not np.isfinite(own.damping_error):
+    if explanation.frequency_error <= _GAIN * base.frequency_error or not np.isfinite(
+        explanation.damping_error
+    ):
         return "frequency"
-    gains = own.damping_error * base.frequency_error < own.frequency_error * base.damping_error
-    return "damping" if gains and own.damping_error < base.damping_error else "frequency"
+    gains = (
+        explanation.damping_error * base.frequency_error < explanation.frequency_error * base.damping_error
+    )
+    return "damping" if gains and explanation.damping_error < base.damping_error else "frequency"
 
 
-def overstated_in(own: Ranked, effects: Mapping[str, Effect]) -> dict[str, str]:
+def overstated_in(explanation: Ranked, effects: Mapping[str, Effect]) -> dict[str, str]:
     """Return what an explanation has of effects that say no more than that a file states too much, and their labels."""
-    value = {p.name: p for p in own.parameter}
-    found = {}
-    for effect in (effects[name] for name in own.effects if name in effects and effects[name].overstated):
+    value = {p.name: p for p in explanation.parameter}
+    labels = {}
+    for effect in (
+        effects[name] for name in explanation.effects if name in effects and effects[name].overstated
+    ):
         neutral, estimate = effect.parameters[0].neutral, value[effect.parameters[0].name]
         if estimate.upper < neutral or (estimate.at_bound and estimate.value < neutral):
-            found[effect.name] = effect.overstated
-    return found
+            labels[effect.name] = effect.overstated
+    return labels
 
 
 def confounded_in(names: Collection[str], effects: Mapping[str, Effect]) -> dict[str, str]:
     """Return what a stack file may state wrongly that does the same as one of some effects, by the effect."""
-    return {name: own.stated for name, own in effects.items() if name in names and own.stated}
+    return {name: effect.stated for name, effect in effects.items() if name in names and effect.stated}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +152,7 @@ class ModeError:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Strained:
+class Pulled:
     """A nuisance that the answer needs far from what is known of it.
 
     Attributes
@@ -191,11 +197,11 @@ class Diagnosis(Shown):
         Kinds of data in which that is more than a right model leaves.
     mixed_up : tuple of MixedUp
         Points of the measurement that were mixed up, and were put right.
-    strained : tuple of Strained
+    strained : tuple of Pulled
         Nuisances that are far off with the first of the set, or the base model.
     moved : tuple of Moved
         Every quantity of stack file and measurement that fits may move, with the first of the set, or the base model.
-    relieved : tuple of Strained
+    relieved : tuple of Pulled
         Nuisances that are far off with the base model, but not with the first of the set.
     point_change : PointChange, optional
         What is left looks like this.
@@ -245,9 +251,9 @@ class Diagnosis(Shown):
     discrepancy_spread: Sizes
     too_large: tuple[str, ...]
     mixed_up: tuple[MixedUp, ...]
-    strained: tuple[Strained, ...]
+    strained: tuple[Pulled, ...]
     moved: tuple[Moved, ...]
-    relieved: tuple[Strained, ...]
+    relieved: tuple[Pulled, ...]
     point_change: PointChange | None
     ranking: tuple[Ranked, ...]
     errors: tuple[ModeError, ...]
@@ -267,13 +273,15 @@ class Diagnosis(Shown):
 
     def has(self, effects: Sequence[str]) -> bool:
         """Tell whether some effects together were fitted."""
-        return any(builtins.set(own.effects) == builtins.set(effects) for own in self.ranking)
+        return any(builtins.set(explanation.effects) == builtins.set(effects) for explanation in self.ranking)
 
     def shown(self, most: int) -> tuple[Ranked, ...]:
         """Return the most probable explanations, and in any case those of the answer and the base model."""
         answer = [builtins.set(effects) for effects in (*self.set, ())]
         return tuple(
-            own for i, own in enumerate(self.ranking) if i < most or builtins.set(own.effects) in answer
+            explanation
+            for i, explanation in enumerate(self.ranking)
+            if i < most or builtins.set(explanation.effects) in answer
         )
 
     def ranked(self, effects: Sequence[str]) -> Ranked:
@@ -284,7 +292,7 @@ class Diagnosis(Shown):
         KeyError
             It was not fitted.
         """
-        for own in self.ranking:
-            if builtins.set(own.effects) == builtins.set(effects):
-                return own
+        for explanation in self.ranking:
+            if builtins.set(explanation.effects) == builtins.set(effects):
+                return explanation
         raise KeyError(effects)

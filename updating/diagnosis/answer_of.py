@@ -9,7 +9,7 @@ import numpy as np
 
 from updating.diagnosis.answer import Diagnosis, ModeError, confounded_in, overstated_in
 from updating.diagnosis.explained import Explained
-from updating.diagnosis.ranking import log_ratios, rank, sensor_gains, sizes_of, strained
+from updating.diagnosis.ranking import log_ratios, pulled, rank, sensor_gains, sizes_of
 from updating.diagnosis.visibility import not_visible, ruled_out, visibility
 from updating.inference.decide import Decision
 from updating.inference.discrepancy import STIFFNESS
@@ -22,7 +22,7 @@ _SHOWN = 8  # single effects whose changes are told mode by mode
 
 
 def answer_of(
-    model: Explained, found: Search, decision: Decision, asked: Sequence[Sequence[str]] = ()
+    model: Explained, search: Search, decision: Decision, asked: Sequence[Sequence[str]] = ()
 ) -> Diagnosis:
     """Return what is said of any model; what is of a stack alone, and the sentences, are left out.
 
@@ -30,30 +30,30 @@ def answer_of(
     ----------
     model : Explained
         The model.
-    found : Search
+    search : Search
         All that was fitted.
     decision : Decision
         The verdict on that.
     asked : sequence of sequence of str
         Explanations that are predicted in full in any case.
     """
-    _LOG.info("weigh %d explanations", len(found.fitted))
-    base, left = found.base, decision.left
+    _LOG.info("weigh %d explanations", len(search.fitted))
+    base, left = search.base, decision.left
     first = left[0] if left else base
-    every = [x for x in found.fitted.values() if set(x.terms) in [set(names) for names in asked]]
-    ranking = rank(model, found, first, (*decision.steps, *left, *every))
-    of = {own.effects: own for own in ranking}
-    seen = visibility(model, found, first)
+    asked_for = [x for x in search.fitted.values() if set(x.terms) in [set(names) for names in asked]]
+    ranking = rank(model, search, first, (*decision.steps, *left, *asked_for))
+    of = {ranked.effects: ranked for ranked in ranking}
+    seen = visibility(model, search, first)
     excluded = list(ruled_out(seen))
     for x in left[1:]:
-        excluded = list(ruled_out(visibility(model, found, x, excluded)))
+        excluded = list(ruled_out(visibility(model, search, x, excluded)))
     if decision.verdict == "unlike anything":
         excluded = []
     shown = {*excluded, *(name for x in left for name in x.terms)}  # perhaps only beside what was identified
-    far = strained(first)
+    far = pulled(first)
     overstated = overstated_in(of[first.terms], model.effects)
-    middle, spread = sizes_of(found, first)
-    singles = sorted((x for x in found.fitted.values() if len(x.terms) == 1), key=found.odds, reverse=True)
+    middle, spread = sizes_of(search, first)
+    singles = sorted((x for x in search.fitted.values() if len(x.terms) == 1), key=search.odds, reverse=True)
     return Diagnosis(
         stack=None,
         verdict=decision.verdict,
@@ -69,11 +69,11 @@ def answer_of(
         mixed_up=(),
         strained=far,
         moved=model.moved(first),
-        relieved=tuple(own for own in strained(base) if own.name not in {s.name for s in far}),
+        relieved=tuple(nuisance for nuisance in pulled(base) if nuisance.name not in {s.name for s in far}),
         point_change=None,
         ranking=ranking,
         errors=_errors(model, base, left),
-        n_used={own.name: (own.frequency.size, own.frequency.size) for own in model.states},
+        n_used={state.name: (state.frequency.size, state.frequency.size) for state in model.states},
         signatures={
             x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:_SHOWN]
         },
@@ -90,13 +90,13 @@ def answer_of(
     )
 
 
-def _lacking(model: Explained, own: Explanation) -> tuple[str, ...]:
+def _lacking(model: Explained, explanation: Explanation) -> tuple[str, ...]:
     """Return the measured modes that are none of the model's, or farther off than any model leaves them."""
     return tuple(
         f"{state.name}, mode {r + 1} at {state.frequency[r]:.1f} Hz"
-        for c, (state, e) in enumerate(zip(model.states, own.errors, strict=True))
+        for c, (state, e) in enumerate(zip(model.states, explanation.errors, strict=True))
         for r in range(state.frequency.size)
-        if (c, r) in own.apart or abs(e.frequency[r]) > STIFFNESS.highest
+        if (c, r) in explanation.apart or abs(e.frequency[r]) > STIFFNESS.highest
     )
 
 
@@ -104,15 +104,15 @@ def _errors(model: Explained, base: Explanation, left: Sequence[Explanation]) ->
     """List the modes with the frequency errors of the base model and of the first explanation that is left."""
     before = np.expm1(-log_ratios(base)[0])
     after = np.expm1(-log_ratios(left[0])[0]) if left else np.full(before.size, np.nan)
-    numbered = [(own, r) for own in model.states for r in range(own.frequency.size)]
+    numbered = [(state, r) for state in model.states for r in range(state.frequency.size)]
     return tuple(
         ModeError(
-            configuration=own.name,
+            configuration=state.name,
             mode=r + 1,
-            frequency=float(own.frequency[r]),
-            std=float(own.frequency_std[r]),
+            frequency=float(state.frequency[r]),
+            std=float(state.frequency_std[r]),
             base=float(b),
             explained=float(a),
         )
-        for (own, r), b, a in zip(numbered, before, after, strict=True)
+        for (state, r), b, a in zip(numbered, before, after, strict=True)
     )

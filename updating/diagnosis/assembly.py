@@ -99,16 +99,16 @@ def assemble_evidence(
     observation = tuple(
         register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
     )
-    own = _as_tested(tested, levels or {})
+    configurations = _as_tested(tested, levels or {})
     observed = tuple(observe(candidates.system, o) for o in observation)
     touching = base.n_lamina > 1
-    G_f = _nearest(candidates.system.equations, own, observed)
+    G_f = _nearest(candidates.system.equations, configurations, observed)
     if levels and touching:
-        own = _strained(candidates, own, observed, G_f, levels)
+        configurations = _with_contact_strain(candidates, configurations, observed, G_f, levels)
     d_f = np.log(D_F_START / base.contact.d_f) if base.contact.d_f > 0.0 else 0.0
     return Assembled(
         stack=base,
-        tested=own,
+        tested=configurations,
         observation=observation,
         effects={name: effect for name, effect in candidates.effects.items() if name not in silent},
         impossible={**candidates.impossible, **silent},
@@ -127,7 +127,7 @@ def _as_tested(given: Sequence[Campaigned], levels: Mapping[str, AtLevel]) -> tu
     )
 
 
-def _strained(
+def _with_contact_strain(
     candidates: CandidateModel,
     tested: Sequence[Tested],
     observed: Sequence[Observed],
@@ -135,25 +135,27 @@ def _strained(
     levels: Mapping[str, AtLevel],
 ) -> tuple[Tested, ...]:
     """Return the configurations with the strains that the contact has, by the base model's shapes, at their levels."""
-    contact, found = contact_strain(candidates.system), []
-    for own, points in zip(tested, observed, strict=True):
-        if own.name not in levels:
-            found.append(own)
+    contact, with_strains = contact_strain(candidates.system), []
+    for configuration, points in zip(tested, observed, strict=True):
+        if configuration.name not in levels:
+            with_strains.append(configuration)
             continue
-        base = _solved(candidates.system.equations, own, points, G_f)
-        column = np.argmax(mac(own.modes.shape, base.shape), axis=1)
-        amplitude = levels[own.name].rms_motion / np.sqrt(np.mean(base.shape[:, column] ** 2, axis=0))
+        base = _solved(candidates.system.equations, configuration, points, G_f)
+        column = np.argmax(mac(configuration.modes.shape, base.shape), axis=1)
+        amplitude = levels[configuration.name].rms_motion / np.sqrt(
+            np.mean(base.shape[:, column] ** 2, axis=0)
+        )
         coordinate = np.zeros((candidates.system.size, column.size))
         coordinate[: len(base.coordinate)] = base.coordinate[:, column]
         shares = [strain_shares(contact, x) for x in coordinate.T]
         strain = amplitude[:, None] * np.array(shares)
-        found.append(replace(own, strain=strain, motion=levels[own.name].motion))
-    return tuple(found)
+        with_strains.append(replace(configuration, strain=strain, motion=levels[configuration.name].motion))
+    return tuple(with_strains)
 
 
-def _solved(equations: ReducedEquations, own: Tested, observed: Observed, G_f: float) -> Modes:
+def _solved(equations: ReducedEquations, configuration: Tested, observed: Observed, G_f: float) -> Modes:
     """Return the elastic modes of a configuration without effects."""
-    known = {"pressure": own.pressure, **own.known}
+    known = {"pressure": configuration.pressure, **configuration.known}
     base = equations.base(("G_f", "d_f", *known))
     return solve_modes(
         base,
@@ -179,7 +181,7 @@ def _nearest(equations: ReducedEquations, tested: Sequence[Tested], observed: Se
         key=lambda trial: _far(equations, tested, observed, trial)[0],
     )
     n_used = _far(equations, tested, observed, G_f)[1]
-    unlike = [own.name for own, n in zip(tested, n_used, strict=True) if not n]
+    unlike = [configuration.name for configuration, n in zip(tested, n_used, strict=True) if not n]
     if unlike:
         message = (
             f"no measured mode of {' or '.join(unlike)} resembles one of the model, so nothing of it would be used; "
@@ -194,11 +196,13 @@ def _far(
 ) -> tuple[float, list[int]]:
     """Return how far the measured modes are from the base model's in all, and how many of each it has."""
     cost, used = 0.0, []
-    for own, points in zip(tested, observed, strict=True):
-        modes = _solved(equations, own, points, G_f)
-        row, column = pair(own.modes.shape, own.modes.frequency, modes.shape, modes.frequency)
-        alike = mac(own.modes.shape, modes.shape)[row, column]
-        far = np.log(own.modes.frequency[row] / modes.frequency[column])
+    for configuration, points in zip(tested, observed, strict=True):
+        modes = _solved(equations, configuration, points, G_f)
+        row, column = pair(
+            configuration.modes.shape, configuration.modes.frequency, modes.shape, modes.frequency
+        )
+        alike = mac(configuration.modes.shape, modes.shape)[row, column]
+        far = np.log(configuration.modes.frequency[row] / modes.frequency[column])
         cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
         used.append(int(np.count_nonzero(alike >= _MAC_USED)))
     return cost, used

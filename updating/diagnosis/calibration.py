@@ -14,5 +14,5 @@ EXCLUDED = 5.0
 first order."""
 MIXED_UP = 10.0
 """Logarithm of the odds, all that is tried counted, from which points of a measurement are taken to be mixed up."""
-STRAINED = 3.0
+FAR = 3.0
 """Standard deviations of what is known of it, from which a nuisance is said to be far off."""

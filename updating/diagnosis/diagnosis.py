@@ -27,7 +27,7 @@ from updating.diagnosis.contact_amplitude import contact_amplitudes
 from updating.diagnosis.evidence import DiagnosisScatter, Tested
 from updating.diagnosis.experiment import aids, rank_tests
 from updating.diagnosis.fit_settings import FitSettings
-from updating.diagnosis.mixed_up import search_put_right
+from updating.diagnosis.mixed_up import search_corrected
 from updating.diagnosis.point_change import point_change
 from updating.diagnosis.second_level import second_level
 from updating.diagnosis.slipping import AtLevel
@@ -131,16 +131,16 @@ def conclude(
 
     `rig` is what was checked of force, scale and sensors of each configuration.
     """
-    model, found, mixed_up = searched(candidates, evidence, asked)
-    decision = decide(found)
-    first = decision.left[0] if decision.left else found.base
+    model, search, mixed_up = searched(candidates, evidence, asked)
+    decision = decide(search)
+    first = decision.left[0] if decision.left else search.base
     answer = replace(
-        answer_of(model, found, decision, asked),
+        answer_of(model, search, decision, asked),
         stack=model.stack,
         mixed_up=mixed_up,
-        point_change=point_change(model, found, first) if decision.too_large else None,
+        point_change=point_change(model, search, first) if decision.too_large else None,
         impossible=evidence.impossible,
-        next_tests=rank_tests(model, found, decision.left[:_COMPARED]),
+        next_tests=rank_tests(model, search, decision.left[:_COMPARED]),
         second_level=second_level(model, first),
         contact=contact_amplitudes(model, first),
         rig=rig,
@@ -171,9 +171,9 @@ def searched(
         )
         return model, [start_of(model, evidence)]
 
-    node = [own.node for own in evidence.observation]
+    node = [points.node for points in evidence.observation]
     priors = priors_of(evidence.scatter)
-    return search_put_right(make, evidence.tested, node, shares=SHARES, priors=priors, asked=asked)
+    return search_corrected(make, evidence.tested, node, shares=SHARES, priors=priors, asked=asked)
 
 
 def priors_of(scatter: DiagnosisScatter) -> tuple[SizePrior, SizePrior]:

@@ -20,7 +20,7 @@ from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.diagnosis import SHARES, priors_of
 from updating.diagnosis.evidence import DiagnosisScatter, Tested
 from updating.diagnosis.matrices_model import MatricesModel
-from updating.diagnosis.mixed_up import search_put_right
+from updating.diagnosis.mixed_up import search_corrected
 from updating.diagnosis.text import sentences
 from updating.errors import FitError
 from updating.fitting.fit import ModelFit, frequency_error
@@ -253,7 +253,7 @@ def diagnose_matrices(
 
     given = [Tested(name=name, pressure=np.nan, modes=modes) for name, modes in tested]
     node = [modes.node for _, modes in tested]
-    model, found, mixed_up = search_put_right(
+    model, found, mixed_up = search_corrected(
         make, given, node, shares=SHARES, priors=priors_of(scatter), asked=asked
     )
     decision = decide(found)

@@ -37,7 +37,7 @@ _WIDEST = 20.0  # largest factor
 M = TypeVar("M", bound=Model)
 
 
-def search_put_right(
+def search_corrected(
     make: Callable[[Sequence[Tested]], tuple[M, Sequence[Vector]]],
     tested: Sequence[Tested],
     node: Sequence[NDArray[np.int64]],
@@ -64,16 +64,16 @@ def search_put_right(
     model, search, mixed_up
         The model of what was put right, all that was fitted, and what was put right.
     """
-    found: list[MixedUp] = []
+    corrections: list[MixedUp] = []
 
     def begun(tested: Sequence[Tested]) -> tuple[M, Sequence[Vector], Setting, Explanation]:
         model, starts = make(tested)
         return model, starts, *begin(model, shares=shares, starts=starts, priors=priors)
 
     model, starts, common, base = begun(tested)
-    while len(found) < MOST:
+    while len(corrections) < MOST:
         local = model.about(base.coordinates, [base.x])
-        right, mixed_up = put_right(model, local, base.x, common.noise, tested, node)
+        right, mixed_up = correct(model, local, base.x, common.noise, tested, node)
         if mixed_up is None:
             break
         again = begun(right)
@@ -83,11 +83,11 @@ def search_put_right(
         ):  # it does not bear out what first order promised
             break
         tested, (model, starts, common, base) = right, again
-        found.append(mixed_up)
-    return model, search(model, common, base, starts=starts, asked=asked), tuple(found)
+        corrections.append(mixed_up)
+    return model, search(model, common, base, starts=starts, asked=asked), tuple(corrections)
 
 
-def put_right(
+def correct(
     model: Model,
     local: LocalModel,
     x: Vector,
@@ -110,21 +110,23 @@ def put_right(
     node : sequence of (n_dof,) int
         The point of each component.
     """
-    weighed = [_Weighed.of(model, local, x, own, c) for c, own in enumerate(noise)]
-    every = tuple(range(len(tested)))
-    same = all(np.array_equal(own, node[0]) for own in node)
-    groups = [(c,) for c in every] + ([every] if same and len(every) > 1 else [])
-    tried = [own for where in groups for own in _tried(weighed, where)]
+    weighed = [_Weighed.of(model, local, x, noise_of_state, c) for c, noise_of_state in enumerate(noise)]
+    all_states = tuple(range(len(tested)))
+    same = all(np.array_equal(points, node[0]) for points in node)
+    groups = [(c,) for c in all_states] + ([all_states] if same and len(all_states) > 1 else [])
+    tried = [trial for where in groups for trial in _tried(weighed, where)]
     number = sum(
         2 * node[where[0]].size + node[where[0]].size * (node[where[0]].size - 1) // 2 for where in groups
     )
-    gain, where, dofs, factor = max(tried, key=lambda own: own[0])
+    gain, where, dofs, factor = max(tried, key=lambda trial: trial[0])
     log_odds = 0.5 * gain - float(np.log(number))
     if log_odds < MIXED_UP:
         return tuple(tested), None
     right = tuple(
-        replace(own, modes=_undone(own.modes, dofs, factor)) if c in where else own
-        for c, own in enumerate(tested)
+        replace(configuration, modes=_undone(configuration.modes, dofs, factor))
+        if c in where
+        else configuration
+        for c, configuration in enumerate(tested)
     )
     return right, MixedUp(
         kind="exchanged" if len(dofs) == 2 else "turned" if factor < 0.0 else "scaled",
@@ -169,15 +171,15 @@ def _tried(
     best = np.clip(1.0 - along / size, 1.0 / _WIDEST, _WIDEST)
     scaled = -((best - 1.0) * 2.0 * along + (best - 1.0) ** 2 * size) - _FREE
     scaled = np.where(np.abs(np.log(best)) > _LEAST, scaled, -np.inf)
-    one, other = (np.array(own) for own in zip(*itertools.combinations(range(n), 2), strict=True))
-    change = shape[other] - shape[one]
-    between = weight[:, one, other].T
-    exchanged = -2.0 * np.sum(change * (pull[one] - pull[other]), axis=1)
-    exchanged -= np.sum(change**2 * (alone[one] + alone[other] - 2.0 * between), axis=1)
+    first, second = (np.array(indices) for indices in zip(*itertools.combinations(range(n), 2), strict=True))
+    change = shape[second] - shape[first]
+    between = weight[:, first, second].T
+    exchanged = -2.0 * np.sum(change * (pull[first] - pull[second]), axis=1)
+    exchanged -= np.sum(change**2 * (alone[first] + alone[second] - 2.0 * between), axis=1)
     i, p, k = int(np.argmax(turned)), int(np.argmax(exchanged)), int(np.argmax(scaled))
     return [
         (float(turned[i]), where, (i,), -1.0),
-        (float(exchanged[p]), where, (int(one[p]), int(other[p])), 1.0),
+        (float(exchanged[p]), where, (int(first[p]), int(second[p])), 1.0),
         (float(scaled[k]), where, (k,), float(best[k])),
     ]
 

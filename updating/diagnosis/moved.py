@@ -27,23 +27,25 @@ _LABELS = {
 }
 
 
-def moved(stack: Stack, own: Explanation) -> tuple[Moved, ...]:
+def moved(stack: Stack, explanation: Explanation) -> tuple[Moved, ...]:
     """Return every quantity that all fits may move, as stated and as an explanation was fitted with it.
 
     Parameters
     ----------
     stack : Stack
         What states the values.
-    own : Explanation
+    explanation : Explanation
         A fit.
     """
-    found = []
-    for c, x, std in list(zip(own.coordinates, own.x, own.std, strict=True))[: own.n_nuisance]:
+    quantities = []
+    for c, x, std in list(zip(explanation.coordinates, explanation.x, explanation.std, strict=True))[
+        : explanation.n_nuisance
+    ]:
         label, unit, stated, is_ratio = _stated(stack, c.name)
         scale = stated if is_ratio else 1.0
         value = stated * float(np.exp(x)) if is_ratio else stated + float(x)
         slope = value if is_ratio else scale
-        found.append(
+        quantities.append(
             Moved(
                 name=c.name,
                 label=label,
@@ -55,16 +57,17 @@ def moved(stack: Stack, own: Explanation) -> tuple[Moved, ...]:
                 deviations=float(x / c.std) if np.isfinite(c.std) else None,
             )
         )
-    return tuple(found)
+    return tuple(quantities)
 
 
-def moved_text(own: Moved) -> str:
+def moved_text(nuisance: Moved) -> str:
     """Write a quantity as stated and as fitted, such as ``density from 7600 kg/m3 to 7500 kg/m3 (2.1)``."""
-    if own.unit == "1":
-        change = f"by {percent(own.value - own.stated)}"
+    if nuisance.unit == "1":
+        change = f"by {percent(nuisance.value - nuisance.stated)}"
     else:
-        change = f"from {quantity(own.stated, own.unit, own.value)} to {quantity(own.value, own.unit)}"
-    return f"{own.label} {change} ({abs(own.deviations or 0.0):.1f})"
+        stated = quantity(nuisance.stated, nuisance.unit, nuisance.value)
+        change = f"from {stated} to {quantity(nuisance.value, nuisance.unit)}"
+    return f"{nuisance.label} {change} ({abs(nuisance.deviations or 0.0):.1f})"
 
 
 def _stated(stack: Stack, name: str) -> tuple[str, str, float, bool]:
@@ -72,8 +75,13 @@ def _stated(stack: Stack, name: str) -> tuple[str, str, float, bool]:
     what, _, where = name.partition("[")
     where, clamp = where.rstrip("]"), _CLAMP.fullmatch(name)
     if clamp:
-        own = stack.clamps[int(clamp[1]) - 1]
-        return f"place of clamp {clamp[1]} along {clamp[2]}", "m", float(getattr(own, clamp[2])), False
+        clamp_stated = stack.clamps[int(clamp[1]) - 1]
+        return (
+            f"place of clamp {clamp[1]} along {clamp[2]}",
+            "m",
+            float(getattr(clamp_stated, clamp[2])),
+            False,
+        )
     if what in (POINTS_SHIFT, DECAY):
         return _LABELS[what], "m" if what == POINTS_SHIFT else "1/s", 0.0, False
     if what == "gain":

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from updating.diagnosis.answer import Strained
+from updating.diagnosis.answer import Pulled
 from updating.diagnosis.candidates import DIMENSIONS
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
 from updating.fitting.fit import ParameterEstimate
@@ -44,17 +44,17 @@ def misstated(p: ParameterEstimate) -> str:
     return f"{text} (95 %: {quantity(p.lower, p.unit, p.value)} to {quantity(p.upper, p.unit, p.value)})"
 
 
-def strained(every: Sequence[Strained]) -> list[str]:
+def pulled_text(pulled: Sequence[Pulled]) -> list[str]:
     """Say, each after a word such as beware, what stated would have to be far from what is known of it.
 
     The contact at two torques that is off in opposite ways is one difference, not two.
     """
-    text, left = [], list(every)
+    text, left = [], list(pulled)
     for what in _CONTACT:
-        own = [one for one in left if one.name.partition("[")[0] == what]
-        if len(own) == 2 and own[0].value * own[1].value < 0.0:
-            left = [one for one in left if one not in own]
-            low, high = sorted(own, key=lambda one: one.value)
+        pair = [nuisance for nuisance in left if nuisance.name.partition("[")[0] == what]
+        if len(pair) == 2 and pair[0].value * pair[1].value < 0.0:
+            left = [nuisance for nuisance in left if nuisance not in pair]
+            low, high = sorted(pair, key=lambda nuisance: nuisance.value)
             more, known = (
                 percent(float(np.expm1(high.value - low.value))),
                 _off(high, np.sqrt(2.0) * high.std),
@@ -63,19 +63,23 @@ def strained(every: Sequence[Strained]) -> list[str]:
                 f"the contact {_CONTACT[what]} would have to be {more} higher at {_where(high)} than at {_where(low)}, "
                 f"beyond what their pressures do; reassembly and torque explain {known}."
             )
-    return text + [_strained(one) for one in left]
+    return text + [_pulled_text(nuisance) for nuisance in left]
 
 
-def _where(own: Strained) -> str:
-    return own.name.partition("[")[2].rstrip("]")
+def _where(nuisance: Pulled) -> str:
+    return nuisance.name.partition("[")[2].rstrip("]")
 
 
-def _strained(own: Strained) -> str:
-    what = own.name.partition("[")[0]
-    value, known, clamp = _off(own, own.value), _off(own, own.std), _CLAMP.fullmatch(own.name)
+def _pulled_text(nuisance: Pulled) -> str:
+    what = nuisance.name.partition("[")[0]
+    value, known, clamp = (
+        _off(nuisance, nuisance.value),
+        _off(nuisance, nuisance.std),
+        _CLAMP.fullmatch(nuisance.name),
+    )
     if what in _CONTACT:
         return (
-            f"the contact {_CONTACT[what]} at {_where(own)} would have to differ from the other torques' by "
+            f"the contact {_CONTACT[what]} at {_where(nuisance)} would have to differ from the other torques' by "
             f"{value}; reassembly and torque explain {known}."
         )
     if clamp:
@@ -97,8 +101,8 @@ def _strained(own: Strained) -> str:
     return f"{text}; what is known of it leaves {known}."
 
 
-def _off(own: Strained, value: float) -> str:
+def _off(nuisance: Pulled, value: float) -> str:
     """Write how far a nuisance is off, in its unit or in percent."""
-    if own.name == POINTS_SHIFT or _CLAMP.fullmatch(own.name):
+    if nuisance.name == POINTS_SHIFT or _CLAMP.fullmatch(nuisance.name):
         return quantity(value, "m")
-    return quantity(value, "1/s") if own.name == DECAY else percent(float(np.expm1(value)))
+    return quantity(value, "1/s") if nuisance.name == DECAY else percent(float(np.expm1(value)))

@@ -7,9 +7,9 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.diagnosis.answer import Ranked, Strained
+from updating.diagnosis.answer import Pulled, Ranked
 from updating.diagnosis.answer_parts import SensorGain, Sizes
-from updating.diagnosis.calibration import STRAINED
+from updating.diagnosis.calibration import FAR
 from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.explained import Explained
 from updating.fitting.fit import ParameterEstimate
@@ -25,7 +25,7 @@ _JUDGED = 16  # explanations whose errors on what is left out are computed
 
 
 def rank(
-    model: Explained, found: Search, first: Explanation, named: Collection[Explanation]
+    model: Explained, search: Search, first: Explanation, named: Collection[Explanation]
 ) -> tuple[Ranked, ...]:
     """Rank explanations by posterior probability; what is left out is predicted by the first and by those named.
 
@@ -33,30 +33,30 @@ def rank(
     ----------
     model : Explained
         The model.
-    found : Search
+    search : Search
         All that were fitted.
     first : Explanation
         The answer: by the discrepancy that it leaves, misfits are measured.
     named : collection of Explanation
         See above.
     """
-    every = sorted(found.fitted.values(), key=lambda x: -found.odds(x))
-    odds = np.array([found.odds(x) for x in every])
+    by_odds = sorted(search.fitted.values(), key=lambda x: -search.odds(x))
+    odds = np.array([search.odds(x) for x in by_odds])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
-    judged = {id(x) for x in (*every[:_JUDGED], found.base, first, *named)}
+    judged = {id(x) for x in (*by_odds[:_JUDGED], search.base, first, *named)}
     sizes = first.evidence.sizes
-    most = misfit(found.base, sizes)
+    most = misfit(search.base, sizes)
     return tuple(
-        _ranked(model, found, x, float(chance), judged=id(x) in judged, sizes=sizes, most=most)
-        for x, chance in zip(every, probability, strict=True)
+        _ranked(model, search, x, float(chance), judged=id(x) in judged, sizes=sizes, most=most)
+        for x, chance in zip(by_odds, probability, strict=True)
     )
 
 
 def _ranked(
     model: Explained,
-    found: Search,
-    own: Explanation,
+    search: Search,
+    explanation: Explanation,
     probability: float,
     *,
     judged: bool,
@@ -66,18 +66,18 @@ def _ranked(
     """Return what is said of one explanation; its errors on what is left out only where it is judged."""
     nan = float("nan")
     if judged:
-        seen = found.prediction(own)
+        seen = search.prediction(explanation)
         left = (seen.mode.frequency, seen.mode.damping, seen.state.frequency, seen.state.damping)
     else:
         left = (nan, nan, nan, nan)
-    frequency, damping = log_ratios(own)
-    rest = misfit(own, sizes)
+    frequency, damping = log_ratios(explanation)
+    rest = misfit(explanation, sizes)
     return Ranked(
-        effects=own.terms,
+        effects=explanation.terms,
         explained=float(np.clip(1.0 - rest / most, 0.0, 1.0)),
-        log_odds=found.odds(own),
+        log_odds=search.odds(explanation),
         probability=probability,
-        parameter=(*estimates(model, own), *_misstated(model, own)),
+        parameter=(*estimates(model, explanation), *_misstated(model, explanation)),
         frequency_error=mean_error(frequency),
         damping_error=mean_error(damping),
         left_out_error=left[0],
@@ -85,21 +85,24 @@ def _ranked(
         left_out_configuration_error=left[2],
         left_out_configuration_damping_error=left[3],
         misfit=rest,
-        n_residual=own.problem.value.size + own.problem.damping.size,
-        discrepancy=sizes_of(found, own)[0],
-        nuisance={c.name: float(x) for c, x in zip(own.coordinates[: own.n_nuisance], own.x, strict=False)},
+        n_residual=explanation.problem.value.size + explanation.problem.damping.size,
+        discrepancy=sizes_of(search, explanation)[0],
+        nuisance={
+            c.name: float(x)
+            for c, x in zip(explanation.coordinates[: explanation.n_nuisance], explanation.x, strict=False)
+        },
         modelled={
             state.name: tuple(np.sqrt(e.modelled[0][e.modelled[0] > 0.0] / (4.0 * np.pi**2)).tolist())
-            for state, e in zip(model.states, own.errors, strict=True)
+            for state, e in zip(model.states, explanation.errors, strict=True)
         },
-        strained=strained(own),
+        strained=pulled(explanation),
     )
 
 
-def sizes_of(found: Search, own: Explanation) -> tuple[Sizes, Sizes]:
+def sizes_of(search: Search, explanation: Explanation) -> tuple[Sizes, Sizes]:
     """Return what an explanation leaves of a frequency and of a damping ratio, and how well its logarithm is known."""
-    middle, spread = own.evidence.moments(found.setting.priors)
-    damped = own.problem.damping.size > 0
+    middle, spread = explanation.evidence.moments(search.setting.priors)
+    damped = explanation.problem.damping.size > 0
     return (
         Sizes(
             frequency=middle.stiffness / float(np.sqrt(2.0)),
@@ -109,10 +112,10 @@ def sizes_of(found: Search, own: Explanation) -> tuple[Sizes, Sizes]:
     )
 
 
-def log_ratios(own: Explanation) -> tuple[Vector, Vector]:
+def log_ratios(explanation: Explanation) -> tuple[Vector, Vector]:
     """Return logarithms of measured over modelled frequencies, and damping ratios that are compared, state by state."""
-    damping = np.concatenate([e.damping for e in own.errors])
-    return np.concatenate([e.paired for e in own.errors]), damping[np.isfinite(damping)]
+    damping = np.concatenate([e.damping for e in explanation.errors])
+    return np.concatenate([e.paired for e in explanation.errors]), damping[np.isfinite(damping)]
 
 
 def mean_error(log_ratio: Vector) -> float:
@@ -120,60 +123,62 @@ def mean_error(log_ratio: Vector) -> float:
     return float(np.mean(np.abs(np.expm1(-log_ratio)))) if log_ratio.size else float("nan")
 
 
-def misfit(own: Explanation, sizes: discrepancy.Sizes) -> float:
+def misfit(explanation: Explanation, sizes: discrepancy.Sizes) -> float:
     """Return the squares of an explanation's errors over their variances by noise and a discrepancy of given sizes."""
-    value, _, _ = whitened(own.problem, sizes)
-    return float(value @ value + np.sum(own.pulls[np.isfinite([c.std for c in own.coordinates])] ** 2))
-
-
-def strained(own: Explanation) -> tuple[Strained, ...]:
-    """Return the nuisances that an explanation needs far from what is known of them; gains are reported apart."""
-    return tuple(
-        Strained(name=c.name, value=float(x), std=c.std)
-        for c, x in zip(own.coordinates[: own.n_nuisance], own.x, strict=False)
-        if abs(x) > STRAINED * c.std and not c.name.startswith("gain")
+    value, _, _ = whitened(explanation.problem, sizes)
+    return float(
+        value @ value + np.sum(explanation.pulls[np.isfinite([c.std for c in explanation.coordinates])] ** 2)
     )
 
 
-def sensor_gains(own: Explanation) -> tuple[SensorGain, ...]:
+def pulled(explanation: Explanation) -> tuple[Pulled, ...]:
+    """Return the nuisances that an explanation needs far from what is known of them; gains are reported apart."""
+    return tuple(
+        Pulled(name=c.name, value=float(x), std=c.std)
+        for c, x in zip(explanation.coordinates[: explanation.n_nuisance], explanation.x, strict=False)
+        if abs(x) > FAR * c.std and not c.name.startswith("gain")
+    )
+
+
+def sensor_gains(explanation: Explanation) -> tuple[SensorGain, ...]:
     """Return the gains of all roving accelerometers but the first, as an explanation was fitted with them."""
     return tuple(
         SensorGain(sensor=int(c.name[12:-1]), excess=float(np.expm1(x)), std=float(std))
-        for c, x, std in zip(own.coordinates, own.x, own.std, strict=True)
+        for c, x, std in zip(explanation.coordinates, explanation.x, explanation.std, strict=True)
         if c.name.startswith("gain[sensor ")
     )
 
 
-def estimates(model: Explained, own: Explanation) -> list[ParameterEstimate]:
+def estimates(model: Explained, explanation: Explanation) -> list[ParameterEstimate]:
     """Return the parameters of an explanation's effects with their 95 % intervals."""
-    found, known = [], model.parameters
-    for i in range(own.n_nuisance, own.x.size):
-        c, p = own.coordinates[i], known[own.coordinates[i].name]
-        ends = np.clip(own.x[i] + Z95 * own.std[i] * np.array([-1.0, 1.0]), c.lower, c.upper)
-        value, lower, upper = (scaled(p, float(z))[0] for z in (own.x[i], *ends))
-        found.append(
+    rows, known = [], model.parameters
+    for i in range(explanation.n_nuisance, explanation.x.size):
+        c, p = explanation.coordinates[i], known[explanation.coordinates[i].name]
+        ends = np.clip(explanation.x[i] + Z95 * explanation.std[i] * np.array([-1.0, 1.0]), c.lower, c.upper)
+        value, lower, upper = (scaled(p, float(z))[0] for z in (explanation.x[i], *ends))
+        rows.append(
             ParameterEstimate(
                 name=p.name,
                 unit=p.unit,
                 value=value,
                 lower=lower,
                 upper=upper,
-                at_bound=bool(own.at_bound[i]),
+                at_bound=bool(explanation.at_bound[i]),
             )
         )
-    return found
+    return rows
 
 
-def _misstated(model: Explained, own: Explanation) -> list[ParameterEstimate]:
+def _misstated(model: Explained, explanation: Explanation) -> list[ParameterEstimate]:
     """Return what hypotheses about the measurement say: factors on what was stated, places in m, or a decay in 1/s."""
-    found = []
-    names = [c.name for c in own.coordinates]
-    for nuisance in (n for term in own.terms for n in model.hypotheses.get(term, ())):
+    rows = []
+    names = [c.name for c in explanation.coordinates]
+    for nuisance in (n for term in explanation.terms for n in model.hypotheses.get(term, ())):
         i = names.index(nuisance)
         unit = model.unit(nuisance)
-        ends = own.x[i] + Z95 * own.std[i] * np.array([0.0, -1.0, 1.0])
+        ends = explanation.x[i] + Z95 * explanation.std[i] * np.array([0.0, -1.0, 1.0])
         value, lower, upper = (ends if unit != "1" else np.exp(ends)).tolist()
-        found.append(
+        rows.append(
             ParameterEstimate(name=nuisance, unit=unit, value=value, lower=lower, upper=upper, at_bound=False)
         )
-    return found
+    return rows

@@ -39,7 +39,7 @@ class Visible:
 
 
 def visibility(
-    model: Explained, found: Search, own: Explanation, among: Collection[str] | None = None
+    model: Explained, search: Search, explanation: Explanation, among: Collection[str] | None = None
 ) -> dict[str, dict[str, Visible]]:
     """Return what the data say of the parameters of all effects that an explanation lacks, each beside it alone.
 
@@ -48,17 +48,19 @@ def visibility(
 
     Parameters
     ----------
-    model, found, own
+    model, search, explanation
         The model, the search, and the explanation.
     among : collection of str, optional
         Effects of which this is asked; by default all.
     """
-    terms = [model.terms[n] for n in own.terms]
-    further = [model.terms[n] for n in model.effects if n not in own.terms and (among is None or n in among)]
+    terms = [model.terms[n] for n in explanation.terms]
+    further = [
+        model.terms[n] for n in model.effects if n not in explanation.terms and (among is None or n in among)
+    ]
     if not further:
         return {}
     coordinates = coordinates_of(model, [*terms, *further])
-    have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
+    have = {c.name: x for c, x in zip(explanation.coordinates, explanation.x, strict=True)}
     point = np.array([have.get(c.name, 0.0) for c in coordinates])
     local = model.about(coordinates, [point])
     seen: dict[str, dict[str, Visible]] = {}
@@ -68,10 +70,11 @@ def visibility(
             if c.name not in have and len(c.starts) > 2:
                 at[i] = c.starts[shift % len(c.starts)]
         problem = joined(
-            errors_at(model, local, replace(found.setting, apart=own.apart), at), found.setting.common
+            errors_at(model, local, replace(search.setting, apart=explanation.apart), at),
+            search.setting.common,
         )
         mean, std = information(
-            problem, at, coordinates, own.evidence.sizes, [c.name in have for c in coordinates]
+            problem, at, coordinates, explanation.evidence.sizes, [c.name in have for c in coordinates]
         )
         for term in further:
             for c in term.coordinates:
@@ -81,18 +84,20 @@ def visibility(
                 old = seen.setdefault(term.name, {}).get(c.name)
                 if old is None or new.std < old.std:
                     seen[term.name][c.name] = new
-    here = _left(model, found, own, local.of(own.coordinates))
+    here = _left(model, search, explanation, local.of(explanation.coordinates))
     for term in further:
         if len(term.coordinates) == 1:
             (name,) = seen[term.name]
-            seen[term.name][name] = _asked(model, found, own, local, term, seen[term.name][name], here)
+            seen[term.name][name] = _asked(
+                model, search, explanation, local, term, seen[term.name][name], here
+            )
     return seen
 
 
 def _left(
     model: Explained,
-    found: Search,
-    own: Explanation,
+    search: Search,
+    explanation: Explanation,
     local: LocalModel,
     further: tuple[Term, float] | None = None,
 ) -> float:
@@ -101,24 +106,24 @@ def _left(
     `local` has the coordinates of the explanation, and of the further term, alone.
     """
     more = [] if further is None else [further[0]]
-    coordinates = coordinates_of(model, [*(model.terms[n] for n in own.terms), *more])
-    have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
+    coordinates = coordinates_of(model, [*(model.terms[n] for n in explanation.terms), *more])
+    have = {c.name: x for c, x in zip(explanation.coordinates, explanation.x, strict=True)}
     at = {**have, **({} if further is None else {further[0].coordinates[0].name: further[1]})}
     x = np.array([at[c.name] for c in coordinates])
     try:
         problem = joined(
-            errors_at(model, local, replace(found.setting, apart=own.apart), x),
-            found.setting.common,
+            errors_at(model, local, replace(search.setting, apart=explanation.apart), x),
+            search.setting.common,
         )
     except (np.linalg.LinAlgError, ValueError):  # the model has no modes there
         return np.inf
-    return rise(problem, x, coordinates, own.evidence.sizes, [c.name in have for c in coordinates])
+    return rise(problem, x, coordinates, explanation.evidence.sizes, [c.name in have for c in coordinates])
 
 
 def _asked(
     model: Explained,
-    found: Search,
-    own: Explanation,
+    search: Search,
+    explanation: Explanation,
     local: LocalModel,
     term: Term,
     first: Visible,
@@ -129,10 +134,12 @@ def _asked(
     `here` is the misfit without the term.
     """
     (p,), (c,) = model.effects[term.name].parameters, term.coordinates
-    near = cache(lambda: local.of(coordinates_of(model, [*(model.terms[n] for n in own.terms), term])))
+    near = cache(
+        lambda: local.of(coordinates_of(model, [*(model.terms[n] for n in explanation.terms), term]))
+    )
 
     def left(value: float) -> float:
-        return _left(model, found, own, near(), (term, value))
+        return _left(model, search, explanation, near(), (term, value))
 
     nominal = coordinate_of(p, p.nominal)
     sides = (nominal, -nominal) if p.lower < p.neutral < p.upper else (nominal,)
@@ -148,7 +155,9 @@ def _asked(
 
 def ruled_out(seen: Mapping[str, Mapping[str, Visible]]) -> tuple[str, ...]:
     """Return the effects of one parameter whose usual strength the data contradict."""
-    return tuple(sorted(name for name, of in seen.items() if any(own.excluded for own in of.values())))
+    return tuple(
+        sorted(name for name, of in seen.items() if any(visible.excluded for visible in of.values()))
+    )
 
 
 def not_visible(seen: Mapping[str, Mapping[str, Visible]]) -> tuple[str, ...]:

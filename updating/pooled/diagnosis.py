@@ -16,7 +16,7 @@ from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import priors_of
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.fit_settings import FitSettings
-from updating.diagnosis.nuisance_text import strained
+from updating.diagnosis.nuisance_text import pulled_text
 from updating.errors import FitError
 from updating.inference.decide import decide
 from updating.inference.explain import Explanation
@@ -209,8 +209,8 @@ def concluded(
             sorted(n for n, reach in pooled.reach.items() if n in model.first.effects and reach < VISIBLE)
         ),
         impossible=dict(impossible),
-        relieved=tuple(strained([c for c in off[0] if c.name not in kept])) if left else (),
-        strained=tuple(strained(off[1])),
+        relieved=tuple(pulled_text([c for c in off[0] if c.name not in kept])) if left else (),
+        strained=tuple(pulled_text(off[1])),
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))

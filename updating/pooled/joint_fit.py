@@ -21,7 +21,7 @@ from updating.diagnosis.diagnosis import beside_model, priors_of, searched
 from updating.diagnosis.evidence import Tested, some_of
 from updating.diagnosis.fit_settings import FitSettings, is_pinned
 from updating.diagnosis.joint_answer import Updated
-from updating.diagnosis.nuisance_text import strained
+from updating.diagnosis.nuisance_text import pulled_text
 from updating.diagnosis.ranking import mean_error, rank
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.stack_model import StackModel
@@ -363,7 +363,7 @@ def entry_of(ranked: Ranked) -> Entry:
         chi_square=ranked.misfit,
         n_residual=ranked.n_residual,
         shared=ranked.parameter,
-        strained=tuple(strained(ranked.strained)),
+        strained=tuple(pulled_text(ranked.strained)),
     )
 
 
@@ -388,7 +388,7 @@ def entry_of_several(names: Sequence[str], fitted: Fitted, sizes: Sizes) -> Entr
         shared=tuple(
             estimate_of(model, fit, c.name) for c in fit.coordinates[fit.n_nuisance :] if not is_pinned(c)
         ),
-        strained=tuple(strained(far_off(model, fit))),
+        strained=tuple(pulled_text(far_off(model, fit))),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.diagnosis.answer import Strained
+from updating.diagnosis.answer import Pulled
 from updating.diagnosis.evidence import D_F_START
 from updating.fitting.fit import ParameterEstimate
 from updating.inference.algebra import scaled_inverse
@@ -178,7 +178,7 @@ def mode_answers(
     return tuple(answers)
 
 
-def far_off(model: SpecimensModel, fit: Explanation) -> tuple[Strained, ...]:
+def far_off(model: SpecimensModel, fit: Explanation) -> tuple[Pulled, ...]:
     """Return the nuisances whose mean over all specimens is far from what is known of it."""
     scopes = [model.scope(c.name) for c in fit.coordinates[: fit.n_nuisance]]
     pulled, n = [], len(model.specimens)
@@ -190,5 +190,5 @@ def far_off(model: SpecimensModel, fit: Explanation) -> tuple[Strained, ...]:
         prior = float(np.sqrt(sum((p * fit.coordinates[i].std) ** 2 for p, i in zip(share, at, strict=True))))
         value = float(sum(p * fit.x[i] for p, i in zip(share, at, strict=True)))
         if abs(value) > PULLED * prior:
-            pulled.append(Strained(name=name, value=value, std=prior))
+            pulled.append(Pulled(name=name, value=value, std=prior))
     return tuple(pulled)
