@@ -139,6 +139,7 @@ def test_of_a_stack_that_was_assembled_anew_nothing_is_named():
     answer = answered(1, "nothing")
     assert answer.verdict == "unchanged"
     assert set(answer.impossible) == {
+        "absorber",  # no mode was split
         "firmer_edge",
         "firmer_mounting",
         "greater_term",

@@ -117,6 +117,23 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
             assert some.parts[0].weight.shape[0] == 1
 
 
+def test_kinds_that_differ_by_their_sign_are_weighed_once():
+    _, made = fields(12)
+    own = {kind.name: kind for kind in kinds()}
+    at, _ = made.places()
+    m = made.n_mode
+    actions = Actions(Measured(weight=np.eye(m)[:4], eigenvalue=np.ones(4), scale=np.ones((4, m))))
+    for less, more in (
+        ("softer_patch", "stiffer_patch"), ("lost_contact", "glued_patch"), ("removed_mass", "added_mass"),
+    ):  # fmt: skip
+        pair = [own[name].candidates(made, at) for name in (less, more)]
+        for one, other in zip(pair[0].parts, pair[1].parts, strict=True):
+            assert one.weight is other.weight
+        found = [actions.of(candidates) for candidates in pair]
+        np.testing.assert_allclose(found[0], -found[1], atol=1e-12 * np.abs(found[0]).max())
+        assert np.abs(found[0]).max() > 0.0
+
+
 def test_what_a_structure_does_not_have_cannot_have_changed():
     plate, stack = (fields(n)[1] for n in (1, 12))
     why = {kind.name: (kind.why_not(plate), kind.why_not(stack)) for kind in kinds()}

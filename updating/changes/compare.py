@@ -45,6 +45,9 @@ WITHIN = 12.0
 """Logarithm of the evidence that a kind may lack of the best and may yet gain by the structure's answer to it."""
 MOST_REFINED = 2
 """Candidates of each kind that are weighed with that answer."""
+_COUNTS = 1e-9
+"""Share of the largest probability from which a candidate, or a value, counts in an interval: a million of others have
+a thousandth together."""
 _NODES = scipy.special.ndtri((np.arange(9) + 0.5) / 9.0)
 
 
@@ -165,13 +168,14 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
         batch = _batch(kind, own, np.full(own.n, -np.log(own.n)), actions)
         if kind.on_plan:
             log = batch.weighed(error, root).log
-            cell = np.array([scipy.special.logsumexp(log[own.cell == i]) for i in range(len(place))])
+            cell = scipy.special.logsumexp(log.reshape(-1, len(place)), axis=0)  # all of them for each size
             cell = np.exp(cell - scipy.special.logsumexp(cell))
             near = np.argsort(-cell)[:MOST_CELLS]
             near = near[cell[near] > LEAST_SHARE]
             keep = np.flatnonzero(~np.isin(own.cell, near))
             closer = kind.candidates(at.structure, at.structure.finer(place[near], step))
-            found.append(_batch(kind, own.only(keep), np.full(keep.size, -np.log(own.n)), actions))
+            far = np.full(keep.size, -np.log(own.n))
+            found.append(_Batch(kind, own.only(keep), far, batch.action[keep], batch.effect[keep]))
             ratio = own.n / len(place) * len(near) / closer.n  # of the prior of a cell that each has
             batch = _batch(kind, closer, np.full(closer.n, np.log(ratio / own.n)), actions)
         found.append(batch)
@@ -441,15 +445,19 @@ def _size(own: _Tried) -> list[float]:
             logs += [log] * len(factor)
         total = np.concatenate(logs)
         return _quantiles(np.concatenate(values), np.exp(total - total.max()), levels)
-    mean = np.array([w.amplitude for w in own.weighed])
-    std = np.hypot(np.array([w.std for w in own.weighed]), IDEAL * mean)
+    counts = own.share.max(axis=0) > _COUNTS * own.share.max()
+    candidates = candidates.only(np.flatnonzero(counts))
+    mean = np.array([w.amplitude[counts] for w in own.weighed])
+    std = np.hypot(np.array([w.std[counts] for w in own.weighed]), IDEAL * mean)
     trial = np.clip(mean[..., None] + std[..., None] * _NODES, 0.0, candidates.upper)
     value = np.array([own.kind.value(candidates, line) for line in trial])
-    return _quantiles(value.ravel(), np.repeat(own.share.ravel(), _NODES.size), levels)
+    return _quantiles(value.ravel(), np.repeat(own.share[:, counts].ravel(), _NODES.size), levels)
 
 
 def _quantiles(value: Vector, share: Vector, levels: Sequence[float]) -> list[float]:
     """Return weighted quantiles."""
+    counts = share > _COUNTS * share.max()
+    value, share = value[counts], share[counts]
     order = np.argsort(value)
     passed = np.cumsum(share[order]) / share.sum()
     return [float(value[order][min(int(np.searchsorted(passed, level)), value.size - 1)]) for level in levels]

@@ -219,6 +219,9 @@ class Fields:
             for f in FIELDS
         }
         self.kept: dict[tuple[object, ...], Vector] = {}
+        self.shared: dict[
+            tuple[object, ...], Any
+        ] = {}  # what several kinds of change need at the same locations
         self._rows: dict[tuple[Field, Derivative], Vector] = {}
 
     @cached_property
@@ -282,13 +285,16 @@ class Fields:
         return self._at(at, self.deflection)
 
     def _at(self, at: Vector, rows: Vector) -> Tied:
-        which, share = self.grid.shares(at)
-        row = np.broadcast_to(np.arange(len(at))[:, None], which.shape)
-        weight = sp.coo_array(
-            (share.ravel(), (row.ravel(), which.ravel())), shape=(len(at), len(self.grid.point))
-        )
+        key = "points", at.tobytes()
+        if key not in self.shared:
+            which, share = self.grid.shares(at)
+            row = np.broadcast_to(np.arange(len(at))[:, None], which.shape)
+            weight = sp.coo_array(
+                (share.ravel(), (row.ravel(), which.ravel())), shape=(len(at), len(self.grid.point))
+            )
+            self.shared[key] = weight.tocsr()
         place = np.column_stack([at, np.zeros(len(at))])
-        return Tied(place=place, rows=rows, weight=weight.tocsr(), part=np.full(len(at), -1, dtype=np.intp))
+        return Tied(place=place, rows=rows, weight=self.shared[key], part=np.full(len(at), -1, dtype=np.intp))
 
     def matrices(self) -> tuple[Vector, Vector, Vector]:
         """Return the modes in the coordinates of the reduced stack, and its stiffness and mass in these."""

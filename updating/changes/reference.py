@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.types.modal_model import ModalModel
 from model import MatrixStructure
 from updating.changes.fields import Fields
 from updating.changes.kinds.clamp_force import under_clamps
@@ -113,10 +114,13 @@ class StackReference:
     def beside(self, changed: Sequence[Campaigned]) -> Beside:
         """Put a changed state beside it."""
         every, before, stack = _tested((*self.tested, *changed)), self.model, self.candidates.stack
-        observation = [
-            register(stack, own.geometry, own.node, own.direction).observation
-            for _, _, own in (*self.tested, *changed)
-        ]
+        known = [(self.tested[0][2], before.observation[0])]
+        for _, _, own in (*self.tested[1:], *changed):
+            same = (points for modes, points in known if _at_same_points(modes, own))
+            known.append(
+                (own, next(same, None) or register(stack, own.geometry, own.node, own.direction).observation)
+            )
+        observation = [points for _, points in known]
         model = before.of_tests(every, observation)
         x, first = self.fit.x, len(self.tested)
         local = model.about(self.fit.coordinates, [x])
@@ -175,6 +179,16 @@ class MatricesReference:
         """Return what is a little different in each assembly: temperature, and terms that hold it to the ground."""
         held = [(part, MOUNTING) for part in structure.grounded]
         return [(structure.whole_stiffness, TEMPERATURE), *held]
+
+
+def _at_same_points(one: ModalModel, other: ModalModel) -> bool:
+    """Tell whether two tests measured the same components, so that rows of the model need not be made twice."""
+    return (
+        np.array_equal(one.node, other.node)
+        and np.array_equal(one.direction, other.direction)
+        and np.array_equal(one.geometry.node, other.geometry.node)
+        and np.array_equal(one.geometry.coordinate, other.geometry.coordinate)
+    )
 
 
 def _tested(given: Sequence[Campaigned]) -> list[Tested]:

@@ -131,7 +131,7 @@ def _matrices(own: Candidates) -> list[tuple[Part, Vector]]:
         row = sp.csr_array(part.weight)
         rows = part.rows[row.indices]
         flat = rows.reshape(-1, rows.shape[2])
-        found.append((part, flat.T @ (np.repeat(row.data, rows.shape[1])[:, None] * flat)))
+        found.append((part, flat.T @ (np.repeat(part.sign * row.data, rows.shape[1])[:, None] * flat)))
     return found
 
 

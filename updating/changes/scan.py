@@ -52,9 +52,9 @@ class Actions:
 
     def __init__(self, measured: Measured) -> None:
         self.measured = measured
-        self._at: dict[
-            int, tuple[Vector, Vector]
-        ] = {}  # the rows are held so that their identity stays theirs
+        # rows and weights are held so that their identity stays theirs
+        self._at: dict[int, tuple[Vector, Vector]] = {}
+        self._weighted: dict[tuple[int, int], tuple[Part, Vector]] = {}
 
     def at_points(self, part: Part) -> Vector:
         """Return the change of all errors by a unit of a part's square at each point, (n_point, n, m)."""
@@ -71,14 +71,21 @@ class Actions:
         n, m = self.measured.scale.shape
         total = np.zeros((candidates.n, n, m))
         for part in candidates.parts:
-            at = self.at_points(part)
-            own = (part.weight @ at.reshape(len(at), -1)).reshape(-1, n, m)
+            own = self._of_part(part).reshape(-1, n, m)
             if part.target == "M":
                 own = -own * self.measured.eigenvalue[:, None]
             if part.resonance is not None:
                 own = own * apparent(self.measured.eigenvalue, part.resonance)[:, :, None]
-            total += own
+            total += part.sign * own
         return total
+
+    def _of_part(self, part: Part) -> Vector:
+        """Return the change of all errors by a part of each candidate as a stiffness, but for its sign."""
+        key = id(part.rows), id(part.weight)
+        if key not in self._weighted:
+            at = self.at_points(part)
+            self._weighted[key] = part, part.weight @ at.reshape(len(at), -1)
+        return self._weighted[key][1]
 
     def effect(self, action: Vector) -> Vector:
         """Return the root mean square relative change of eigenvalues by an amplitude of 1, (n_candidate,)."""
@@ -150,7 +157,8 @@ def weigh(
     precision = information + scale**-2.0
     mean, std = pull / precision, precision**-0.5
     log = 0.5 * pull**2 / precision - 0.5 * np.log(precision * scale**2)
-    log += _log_within(mean, std, upper) - _log_within(np.zeros_like(scale), scale, upper)
+    log += _log_within(mean, std, upper)
+    log -= np.log(0.5 * scipy.special.erf(np.sqrt(0.5) * upper / scale))  # what of the prior is possible
     top = log.max(axis=0)
     share = np.exp(log - top)
     total = share.sum(axis=0)

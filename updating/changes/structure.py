@@ -6,7 +6,7 @@ Stacks and plates are one such structure (`updating.changes.fields`), matrices o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -28,7 +28,9 @@ class Part:
     target : "K" or "M"
         What it is added to.
     weight : (n_candidate, n_point) sparse
-        For an amplitude of 1.
+        For an amplitude of 1. Parts that share them hold the same matrix.
+    sign : 1 or -1
+        Whether that is added or taken away.
     resonance : (n_candidate,) float, optional
         Eigenvalue, (rad/s)**2, of a mass that rides on a spring; infinite where it is tied. At a mode lambda such a
         mass acts as one that is 1 / (1 - lambda / resonance) times as large.
@@ -37,12 +39,13 @@ class Part:
     rows: Vector
     target: Literal["K", "M"]
     weight: Any
+    sign: float = 1.0
     resonance: Vector | None = None
 
     def only(self, which: NDArray[np.intp]) -> Part:
         """Return what it is for some of the candidates."""
         resonance = None if self.resonance is None else self.resonance[which]
-        return Part(rows=self.rows, target=self.target, weight=self.weight[which], resonance=resonance)
+        return replace(self, weight=self.weight[which], resonance=resonance)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

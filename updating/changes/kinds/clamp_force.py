@@ -59,25 +59,31 @@ def at_clamps(
     )
     alone = np.isinf(spring) & (share_of < 1.0)  # the same as with the whole share
     number, spread, spring, share_of = (each[~alone] for each in (number, spread, spring, share_of))
-    weight, under, place = [], [], []
-    for i, wide in zip(number.tolist(), spread.tolist(), strict=True):
-        clamp = stack.clamps[i]
+    under, place = [], []
+    for clamp in stack.clamps:
         sides = np.array(clamp.footprint) / 2.0
-        weight.append(_pressed(fields, i, wide))
         inside = np.all(np.abs(point - np.array([clamp.x, clamp.y])) <= sides + 1e-3, axis=1)
         near = np.zeros(len(point))
         near[np.argmin(np.sum((point - np.array([clamp.x, clamp.y])) ** 2, axis=1))] = 1.0
         share = np.where(inside, area, 0.0) if inside.any() else near
         under.append(clamp.mass * share / share.sum())
         place.append([clamp.x, clamp.y])
-    whole = fields.layers[0]
-    held = share_of[:, None] * np.array(weight)
-    parts = [Part(rows=fields.contact(whole), target="K", weight=sign * sp.csr_array(held))]
+    whole, step = fields.layers[0], len(_SPREAD)
+    pressed = [_pressed(fields, i, wide) for i in range(len(place)) for wide in _SPREAD * stack.height]
+    held = (
+        share_of[:, None] * np.array(pressed)[step * number + np.searchsorted(_SPREAD * stack.height, spread)]
+    )
+    parts = [Part(rows=fields.contact(whole), target="K", weight=sp.csr_array(held), sign=sign)]
     if rides:
-        mass = sp.csr_array(np.array(under))
+        mass = sp.csr_array(np.array(under)[number])
         resonance = (2.0 * np.pi * fields.band[1] * spring) ** 2
         parts.append(Part(rows=fields.motion(whole), target="M", weight=mass, resonance=resonance))
-        parts.append(Part(rows=fields.motion(whole), target="M", weight=-mass))
+        parts.append(Part(rows=fields.motion(whole), target="M", weight=mass, sign=-1.0))
     return plain(
-        at_heights(np.array(place), 0.0), tuple(parts), size=spread, part=number, extra=share_of, upper=upper
+        at_heights(np.array(place)[number], 0.0),
+        tuple(parts),
+        size=spread,
+        part=number,
+        extra=share_of,
+        upper=upper,
     )

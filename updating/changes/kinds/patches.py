@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -43,24 +44,38 @@ def patches(
     upper : float
         Largest share.
     """
+    key = "patches", at.tobytes()
+    if key not in fields.shared:
+        fields.shared[key] = _bells(fields, at)
+    side, centre, weights = fields.shared[key]
+    n, layers = len(centre), fields.layers
+    parts = [
+        Part(rows=of(fields, layer), target="K", weight=weight, sign=sign)
+        for layer, weight in zip(layers, weights, strict=True)
+    ]
+    place = np.vstack([at_heights(centre, layer.z) for layer in layers])
+    return plain(
+        place,
+        tuple(parts),
+        size=np.tile(side, len(layers)),
+        layer=np.repeat(np.arange(len(layers)), n),
+        upper=upper,
+        n_cell=len(at),
+    )
+
+
+def _bells(fields: Fields, at: Vector) -> tuple[Vector, Vector, list[Any]]:
+    """Return the smallest sides of patches at locations, their middles, and their weights in each layer alone."""
     scale = float(np.sqrt(fields.grid.area.sum()))
     endless = np.full(len(STRIPES), np.inf)
     sides = scale * np.vstack([
         np.column_stack([RADII, RADII]), np.column_stack([endless, STRIPES]), np.column_stack([STRIPES, endless]),
     ])  # fmt: skip
     radius, centre = crossed(sides, at)
-    weight = sign * bumps(fields.grid, centre, radius)
-    n, layers = len(centre), fields.layers
-    parts = []
-    for i, layer in enumerate(layers):
-        blocks = [weight if j == i else sp.csr_array(weight.shape) for j in range(len(layers))]
-        parts.append(Part(rows=of(fields, layer), target="K", weight=sp.vstack(blocks).tocsr()))
-    place = np.vstack([at_heights(centre, layer.z) for layer in layers])
-    return plain(
-        place,
-        tuple(parts),
-        size=np.tile(radius.min(axis=1), len(layers)),
-        layer=np.repeat(np.arange(len(layers)), n),
-        upper=upper,
-        n_cell=len(at),
-    )
+    weight, layers = bumps(fields.grid, centre, radius), fields.layers
+    nothing = sp.csr_array(weight.shape)
+    weights = [
+        sp.vstack([weight if j == i else nothing for j in range(len(layers))]).tocsr()
+        for i in range(len(layers))
+    ]
+    return radius.min(axis=1), centre, weights

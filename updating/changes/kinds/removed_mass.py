@@ -9,7 +9,7 @@ from updating.changes.structure import Part, Structure, Vector
 def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses taken away at points."""
     own = structure.tied(at)
-    part = Part(rows=own.rows, target="M", weight=-own.weight)
+    part = Part(rows=own.rows, target="M", weight=own.weight, sign=-1.0)
     return plain(own.place, (part,), part=own.part, n_cell=len(at), upper=structure.removable)
 
 
