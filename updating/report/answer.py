@@ -148,8 +148,8 @@ def _after_diagnosis(results: Results, diagnosis: Diagnosis) -> tuple[str, str]:
         return "", ""
     campaign, folder = str(results.campaign), str(results.folder)
     if diagnosis.verdict == "one of" and diagnosis.next_tests:
-        words = ["lamella", "next-test", campaign, "-o", folder]
-        return shlex.join(words), "ranks further tests by how well they would tell them apart"
+        arguments = ["lamella", "next-test", campaign, "-o", folder]
+        return shlex.join(arguments), "ranks further tests by how well they would tell them apart"
     effects = diagnosis.set[0] if diagnosis.set else ()
     fitted = any(set(entry.effects) == set(effects) for entry in results.ledger)
     known = set(effects) <= catalogue().keys() | set(diagnosis.measurement)

@@ -115,7 +115,7 @@ def print_pdf(page: Path) -> Path:
         if hasattr(os, "geteuid") and os.geteuid() == 0:
             command.append("--no-sandbox")  # as root, as in a container, it does not start with one
         try:
-            done = subprocess.run(
+            process = subprocess.run(
                 [*command, page.resolve().as_uri()],
                 capture_output=True,
                 text=True,
@@ -126,8 +126,8 @@ def print_pdf(page: Path) -> Path:
             message = f"{browser} could not print {page}: {error}"
             raise StoreError(message) from error
         if not printed.exists():
-            last = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
-            message = f"{browser} printed nothing of {page} (exit code {done.returncode}): {last}"
+            last = (process.stderr.strip().splitlines() or ["it said nothing"])[-1]
+            message = f"{browser} printed nothing of {page} (exit code {process.returncode}): {last}"
             raise StoreError(message)
         content = printed.read_bytes()
     path = page.with_suffix(".pdf")
@@ -261,7 +261,7 @@ def _slide(show: Any, title: str, sentence: str = "") -> Any:
 
 def _text(
     slide: Any,
-    words: str,
+    text: str,
     top: float,
     points: int,
     *,
@@ -272,7 +272,7 @@ def _text(
 
     box = slide.shapes.add_textbox(*map(Inches, (left, top, width, 0.4)))
     box.text_frame.word_wrap = True
-    box.text_frame.text = words
+    box.text_frame.text = text
     box.text_frame.paragraphs[0].font.size = Pt(points)
 
 
@@ -301,8 +301,8 @@ def _table(slide: Any, table: Table, rows: Sequence[Sequence[str]]) -> None:
     place = map(Inches, (_EDGE, _TOP, _WIDE - 2 * _EDGE, 0.35 * (len(rows) + 1)))
     cells = slide.shapes.add_table(len(rows) + 1, len(table.header), *place).table
     for i, row in enumerate((table.header, *rows)):
-        for k, words in enumerate(row):
-            cells.cell(i, k).text = words
+        for k, text in enumerate(row):
+            cells.cell(i, k).text = text
             cells.cell(i, k).text_frame.paragraphs[0].font.size = Pt(13)
 
 

@@ -106,11 +106,11 @@ def with_models(results: Results, executor: Executor | None = None) -> Results:
     addition = identified_effects(results)
     if results.diagnosis is None and addition is None:
         return results
-    done = [t for t in results.tested if results.diagnosis is not None or t.fit is not None]
+    with_base = [t for t in results.tested if results.diagnosis is not None or t.fit is not None]
     attempt = partial(_attempted, results.diagnosis, addition, results.folder)
-    made = {t.name: (t, remark) for t, remark in distribute(attempt, done, executor)}
-    tested = tuple(made[t.name][0] if t.name in made else t for t in results.tested)
-    files = [t.folder / name for t in tested for name in (BASE_FILE, FILE) if t.name in made]
+    by_name = {t.name: (t, remark) for t, remark in distribute(attempt, with_base, executor)}
+    tested = tuple(by_name[t.name][0] if t.name in by_name else t for t in results.tested)
+    files = [t.folder / name for t in tested for name in (BASE_FILE, FILE) if t.name in by_name]
     origin = {
         f"{file.parent.name}/{file.name}": read_document(file)["provenance"]
         for file in files
@@ -119,7 +119,7 @@ def with_models(results: Results, executor: Executor | None = None) -> Results:
     return replace(
         results,
         tested=tested,
-        remarks=(*results.remarks, *(remark for _, remark in made.values() if remark)),
+        remarks=(*results.remarks, *(remark for _, remark in by_name.values() if remark)),
         origin={**results.origin, **origin},
     )
 

@@ -56,11 +56,11 @@ def provenance_section(results: Results) -> Section:
 def result_table(results: Results) -> Table:
     """List versions and options of every result, and a digest over all of its inputs; equal ones together."""
     files: dict[tuple[str, str, str], list[str]] = {}
-    for file, made in results.origin.items():
+    for file, origin in results.origin.items():
         row = (
-            ", ".join(f"{name} {number}" for name, number in made["versions"].items()),
-            ", ".join(f"{name} = {value}" for name, value in made["options"].items()) or "none",
-            f"{len(made['inputs'])}, all: {_digest(made['inputs'])}",
+            ", ".join(f"{name} {number}" for name, number in origin["versions"].items()),
+            ", ".join(f"{name} = {value}" for name, value in origin["options"].items()) or "none",
+            f"{len(origin['inputs'])}, all: {_digest(origin['inputs'])}",
         )
         files.setdefault(row, []).append(file)
     rows = tuple(
@@ -77,7 +77,7 @@ def result_table(results: Results) -> Table:
 
 def input_table(results: Results) -> Table:
     """List every input file with its digest."""
-    digest = {(name, value) for made in results.origin.values() for name, value in made["inputs"].items()}
+    digest = {(name, value) for origin in results.origin.values() for name, value in origin["inputs"].items()}
     return Table(
         title="Input files",
         header=("file", "SHA-256"),
@@ -297,8 +297,8 @@ def write_report(
     apart = len(results.tested) > MOST_TOGETHER
     kind, added = kind_of_answer(results.diagnosis), errors_with_additions(results)
     make = partial(_configuration, folder, results.name, apart, kind, added)
-    made = (map if executor is None else executor.map)(make, results.tested)
-    parts = _chosen(sections(results, [part for part in made if part is not None]), only)
+    drawn = (map if executor is None else executor.map)(make, results.tested)
+    parts = _chosen(sections(results, [part for part in drawn if part is not None]), only)
     _write_figures(folder, parts)
     page = folder / "report.html"
     write_bytes(page, render(results.name, parts, about=results.about).encode())
@@ -311,8 +311,8 @@ def _chosen(parts: tuple[Section, ...], only: Sequence[str]) -> tuple[Section, .
         if not any(part.title.lower().startswith(word.lower()) for part in parts):
             message = f"no section of the report begins with {word!r}; there are: {', '.join(p.title for p in parts)}"
             raise StoreError(message)
-    asked = tuple(word.lower() for word in only)
-    return tuple(part for part in parts if not asked or part.title.lower().startswith(asked))
+    beginnings = tuple(word.lower() for word in only)
+    return tuple(part for part in parts if not beginnings or part.title.lower().startswith(beginnings))
 
 
 def _configuration(
@@ -386,7 +386,7 @@ def titles(results: Results) -> tuple[str, ...]:
         ("Parameters", bool(results.ledger) or any(tested.has_parameters for tested in results.tested)),
         ("Provenance", True),
     )
-    return tuple(title for title, there in planned if there)
+    return tuple(title for title, shown in planned if shown)
 
 
 def _write_figures(folder: Path, parts: tuple[Section, ...]) -> None:
@@ -451,10 +451,10 @@ def render(
     )
     environment.filters["unbroken"] = unbroken
     environment.filters["in_css"] = in_css
-    here = files("updating.report")
+    folder = files("updating.report")
 
     def text(name: str) -> str:
-        return (here / name).read_text(encoding="utf-8")
+        return (folder / name).read_text(encoding="utf-8")
 
     return environment.from_string(text("template.html")).render(
         title=title,

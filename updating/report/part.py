@@ -234,14 +234,14 @@ class Section:
     @property
     def has_charts(self) -> bool:
         """Whether anything in it, or in the sections within, is drawn by the page's renderer."""
-        here = any(isinstance(b, Gallery) or (isinstance(b, Picture) and b.chart) for b in self.blocks)
-        return here or any(part.has_charts for part in self.parts)
+        direct = any(isinstance(b, Gallery) or (isinstance(b, Picture) and b.chart) for b in self.blocks)
+        return direct or any(part.has_charts for part in self.parts)
 
     @property
     def has_models(self) -> bool:
         """Whether anything in it, or in the sections within, is there for two models."""
-        here = any(b.model for b in self.blocks)
-        return here or any(part.has_models for part in self.parts)
+        direct = any(b.model for b in self.blocks)
+        return direct or any(part.has_models for part in self.parts)
 
 
 def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list[ByModel]:
@@ -260,8 +260,8 @@ def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list
 
 
 def _column_class(cells: Iterable[str]) -> str:
-    words = [cell for cell in cells if cell and not _NUMBER.match(cell)]
-    return "" if not words else "long" if max(map(len, words)) > _LONG else "text"
+    texts = [cell for cell in cells if cell and not _NUMBER.match(cell)]
+    return "" if not texts else "long" if max(map(len, texts)) > _LONG else "text"
 
 
 def anchor(title: str) -> str:

@@ -287,8 +287,8 @@ class _Reader:
             return "was changed after it was written"
         for name, digest in document["provenance"]["inputs"].items():
             last = PurePosixPath(name).name
-            there = self._beside(path, name) if last in _MADE else ()
-            if there and digest not in there:
+            digests = self._beside(path, name) if last in _MADE else ()
+            if digests and digest not in digests:
                 return f"comes from another {name} than is here"
         return ""
 
@@ -297,26 +297,26 @@ class _Reader:
 
         That is the one in the folder that its name says, else the one beside the result, else any of that name below.
         """
-        said, name = self._folder / name, PurePosixPath(name).name
+        stated, name = self._folder / name, PurePosixPath(name).name
         if name not in self._digests:
             self._digests[name] = {file: file_digest(file) for file in self._folder.rglob(name)}
-        there = self._digests[name]
-        named = said if said in there else path.parent / name
-        return (there[named],) if named in there else there.values()
+        digests = self._digests[name]
+        named = stated if stated in digests else path.parent / name
+        return (digests[named],) if named in digests else digests.values()
 
 
 def _read_campaign(folder: Path, reader: _Reader) -> Results:
     campaign = reader.needed(folder / "campaign.json", Campaign)
     folders = {c.name: folder / folder_name(c.name) for c in campaign.configurations}
-    done = [c for c in campaign.configurations if (folders[c.name] / "modal_model.json").exists()]
+    identified = [c for c in campaign.configurations if (folders[c.name] / "modal_model.json").exists()]
     del reader.origin["campaign.json"]
-    tested = _with_references([_read_tested(folders[c.name], c, reader) for c in done])
+    tested = _with_references([_read_tested(folders[c.name], c, reader) for c in identified])
     return Results(
         name=campaign.name,
         tested=tested,
         table=(),
         shape_class=(),
-        missing=tuple(name for name in folders if name not in {c.name for c in done}),
+        missing=tuple(name for name in folders if name not in {c.name for c in identified}),
         **_read_common(folder, reader),
         campaign=_campaign_file(folder),
         about=tuple(
@@ -380,14 +380,14 @@ def _kind_of_fit(path: Path) -> type[ModelFit]:
 def _read_table(folder: Path, reader: _Reader) -> Results:
     table = reader.needed(folder / "modal_table.json", ModalTable)
     folders = {row.name: folder / f"stack_{folder_name(row.name)}" for row in table.rows}
-    done = {name: path for name, path in folders.items() if (path / "fit.json").exists()}
+    fitted = {name: path for name, path in folders.items() if (path / "fit.json").exists()}
     del reader.origin["modal_table.json"]
     return Results(
         name=table.name,
         tested=(),
-        table=tuple(reader.needed(path / "fit.json", TableFit) for path in done.values()),
+        table=tuple(reader.needed(path / "fit.json", TableFit) for path in fitted.values()),
         shape_class=table.shape_class,
-        missing=tuple(name for name in folders if name not in done),
+        missing=tuple(name for name in folders if name not in fitted),
         **_read_common(folder, reader),
         campaign=None,
         pooled=None,

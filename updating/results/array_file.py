@@ -180,7 +180,7 @@ _LONGEST = 2**16  # bytes of the first line
 Buffer = NDArray[np.uint8]
 
 
-def write_arrays(path: Path, graph: Graph, made: Mapping[str, Any]) -> None:
+def write_arrays(path: Path, graph: Graph, origin: Mapping[str, Any]) -> None:
     """Write a graph whole or not at all.
 
     Parameters
@@ -189,7 +189,7 @@ def write_arrays(path: Path, graph: Graph, made: Mapping[str, Any]) -> None:
         The file.
     graph : Graph
         What to write.
-    made : mapping
+    origin : mapping
         What it was made from and with, as plain values; `read_arrays` must be given the same.
 
     Raises
@@ -204,18 +204,18 @@ def write_arrays(path: Path, graph: Graph, made: Mapping[str, Any]) -> None:
         raw = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
         parts += [raw, np.zeros(-raw.size % _ALIGNED, np.uint8)]
     body = np.concatenate(parts)
-    head = {"kind": _KIND, "made": made, "text": len(text), "crc32": _checksum(body)}
+    head = {"kind": _KIND, "made": origin, "text": len(text), "crc32": _checksum(body)}
     with whole(path, StoreError) as part, part.open("wb") as file:
         file.write(_filled(json.dumps(head).encode()))
         file.write(body.data)
 
 
-def read_arrays(path: Path, made: Mapping[str, Any]) -> Graph | None:
+def read_arrays(path: Path, origin: Mapping[str, Any]) -> Graph | None:
     """Return the graph of a file; None where there is none, it was made from something else, or is damaged.
 
     Parameters
     ----------
-    path, made
+    path, origin
         As in `write_arrays`.
     """
     try:
@@ -223,7 +223,7 @@ def read_arrays(path: Path, made: Mapping[str, Any]) -> Graph | None:
         end = int(np.flatnonzero(content[:_LONGEST] == ord("\n"))[0]) + 1
         head = json.loads(content[:end].tobytes())
         body = content[end:]
-        if (head["kind"], head["made"]) != (_KIND, dict(made)) or head["crc32"] != _checksum(body):
+        if (head["kind"], head["made"]) != (_KIND, dict(origin)) or head["crc32"] != _checksum(body):
             return None
         text = json.loads(body[: head["text"]].tobytes())
         return Graph(nodes=text["nodes"], arrays=list(_arrays(body, head["text"], text["arrays"])))

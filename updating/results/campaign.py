@@ -211,22 +211,26 @@ def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[C
     StoreError
         A result cannot be written.
     """
-    done = {identified.configuration.name: identified for identified in results}
+    by_name = {identified.configuration.name: identified for identified in results}
     changes, lost = [], []
     for configuration in campaign.configurations:
         if not configuration.compare_to:
             continue
-        states = [n for n in repeats_of(campaign.configurations, (configuration.name,)) if n in done]
-        references = [n for n in repeats_of(campaign.configurations, configuration.compare_to) if n in done]
-        if configuration.name not in done or not references:
+        states = [n for n in repeats_of(campaign.configurations, (configuration.name,)) if n in by_name]
+        references = [
+            n for n in repeats_of(campaign.configurations, configuration.compare_to) if n in by_name
+        ]
+        if configuration.name not in by_name or not references:
             which = (
-                configuration.name if configuration.name not in done else ", ".join(configuration.compare_to)
+                configuration.name
+                if configuration.name not in by_name
+                else ", ".join(configuration.compare_to)
             )
             lost.append(
                 f"{configuration.name} is not compared with {', '.join(configuration.compare_to)}: {which} has no modes"
             )
             continue
-        used = [done[name] for name in (*states, *references)]
+        used = [by_name[name] for name in (*states, *references)]
         models = [identified.modal_model for identified in used]
         try:
             difference = change(models[: len(states)], models[len(states) :], campaign.reassembly)
@@ -235,7 +239,7 @@ def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[C
                 f"{configuration.name} is not compared with {', '.join(configuration.compare_to)}: {error}"
             )
             continue
-        folder = done[configuration.name].folder
+        folder = by_name[configuration.name].folder
         inputs = tuple(identified.folder / "modal_model.json" for identified in used)
         write_result(folder / CHANGE, difference, inputs=inputs, options={})
         write_bytes(folder / "change.csv", change_csv(difference).encode())

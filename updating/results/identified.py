@@ -110,8 +110,8 @@ def _likely(folder: Path, named: Path) -> Iterator[Path]:
 
 def _short(file: Path) -> Path:
     """Return a file as seen from the working folder, where it is below it."""
-    absolute, here = Path(os.path.normpath(file.absolute())), Path.cwd()
-    return absolute.relative_to(here) if absolute.is_relative_to(here) else absolute
+    absolute, working_folder = Path(os.path.normpath(file.absolute())), Path.cwd()
+    return absolute.relative_to(working_folder) if absolute.is_relative_to(working_folder) else absolute
 
 
 CHOSEN = "chosen_poles.txt"
@@ -470,9 +470,9 @@ def every_identified(
     """
     earlier = [read_back(assignment) for assignment in assigned]
     new = [assignment for assignment, left in zip(assigned, earlier, strict=True) if left is None]
-    made = tuple(in_parallel(partial(attempted, identified), new, text, console, cluster))
-    require_none([result for result in made if isinstance(result, Failed)], len(assigned))
-    now = iter([result for result in made if not isinstance(result, Failed)])
+    results = tuple(in_parallel(partial(attempted, identified), new, text, console, cluster))
+    require_none([result for result in results if isinstance(result, Failed)], len(assigned))
+    now = iter([result for result in results if not isinstance(result, Failed)])
     return tuple(next(now) if left is None else left for left in earlier)
 
 
@@ -506,14 +506,14 @@ def made_from(assigned: Assignment) -> tuple[tuple[Path, ...], dict[str, object]
     states = (configuration, *configuration.force_levels)
     files = [file for state in states for group in state.files for file in group.files]
     files += [] if assigned.poles is None else [assigned.poles]
-    asked: dict[str, object] = {
+    options: dict[str, object] = {
         "band_Hz": campaign.identification.band, "order": campaign.identification.order,
         "modes": READ if configuration.has_modes else None,
         "poles": None if assigned.poles is None else BY_HAND,
     }  # fmt: skip
     return (
         (campaign.path, *points_file(campaign), *files),
-        {name: value for name, value in asked.items() if value is not None},
+        {name: value for name, value in options.items() if value is not None},
     )
 
 

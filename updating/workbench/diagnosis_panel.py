@@ -50,7 +50,7 @@ class _Commands:
     """The commands that the panel runs, and their results as state."""
 
     def __init__(self, state: Any, opened: Opened) -> None:
-        self.state, self.opened, self.command = state, opened, Command(self._said)
+        self.state, self.opened, self.command = state, opened, Command(self._show_lines)
 
     def refresh(self) -> None:
         """Show what the folder holds now."""
@@ -88,13 +88,13 @@ class _Commands:
     def _run(self, what: str, *further: str) -> None:
         self.start([what, str(self.opened.campaign), "-o", str(self.opened.folder), *further])
 
-    def start(self, words: Sequence[str]) -> None:
+    def start(self, arguments: Sequence[str]) -> None:
         """Run `lamella` with these arguments."""
-        self.state.running, self.state.said = words[0], []
-        if words[0] in CHANGES:
-            self.state.stale = CHANGES[words[0]]
+        self.state.running, self.state.said = arguments[0], []
+        if arguments[0] in CHANGES:
+            self.state.stale = CHANGES[arguments[0]]
         # a task: the page's next message, such as a stop, waits for what this call awaits
-        self._task = asyncio.get_running_loop().create_task(self.command.run(words, self._done))
+        self._task = asyncio.get_running_loop().create_task(self.command.run(arguments, self._done))
 
     async def _done(self, code: int) -> None:
         with self.state as state:
@@ -103,7 +103,7 @@ class _Commands:
             self.refresh()
             state.dirty("configuration")  # the other panels read what is new
 
-    def _said(self, lines: list[str]) -> None:
+    def _show_lines(self, lines: list[str]) -> None:
         with self.state as state:
             state.said = lines
 

@@ -246,15 +246,15 @@ class _Picking:
 
     def _asked_order(self, n_line: int) -> int:
         """Return the highest model order that the identification had."""
-        asked = self.opened.stated().identification.order
-        return asked if asked is not None else highest_order(n_line)
+        order = self.opened.stated().identification.order
+        return order if order is not None else highest_order(n_line)
 
     async def settle(self) -> None:
         """Draw the chart again once the handles of band and order no longer move."""
         self._moves += 1
-        mine = self._moves
+        move = self._moves
         await asyncio.sleep(_REST)
-        if mine == self._moves and self._tested is not None and self._drawn != self._handles():
+        if move == self._moves and self._tested is not None and self._drawn != self._handles():
             with self.state:
                 self.stabilize()
 
@@ -336,11 +336,11 @@ class _Picking:
             write_identification(self.opened.campaign, tuple(self.state.band), int(self.state.order))
             written.append(f"{self.opened.campaign}, in it band and order")
         folder = str(self.opened.folder)
-        words = ["ema", str(self.opened.campaign), "-o", folder, "--poles", folder]
+        arguments = ["ema", str(self.opened.campaign), "-o", folder, "--poles", folder]
         self.state.poles_text = (
-            f"Written to {' and '.join(written)}. Identify with them: {shlex.join(['lamella', *words])}"
+            f"Written to {' and '.join(written)}. Identify with them: {shlex.join(['lamella', *arguments])}"
         )
-        return words
+        return arguments
 
     def _changed(self) -> bool:
         """Whether band or order differ from those of the identification."""
@@ -351,11 +351,11 @@ class _Picking:
     def identify(self) -> None:
         """Write the poles and identify with them."""
         try:
-            words = self.write()
+            arguments = self.write()
         except (EmaError, UpdatingError) as error:
             self.state.poles_text = str(error)
             return
-        self.server.controller.run_command(words)
+        self.server.controller.run_command(arguments)
 
 
 def show(server: Any) -> None:

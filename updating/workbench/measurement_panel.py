@@ -194,9 +194,9 @@ def modes_rows(tested: Tested) -> list[dict[str, str]]:
 def sources(frf: FRF, point: int, folder: Path) -> list[str]:
     """Return which file each function of a point comes from, those in the campaign's folder as seen from there."""
     outputs = np.flatnonzero(frf.output.node == point)
-    here = f"{folder.resolve()}{os.sep}"
+    start = f"{folder.resolve()}{os.sep}"
     return [
-        f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o].removeprefix(here)}"
+        f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o].removeprefix(start)}"
         for o in outputs
     ]
 

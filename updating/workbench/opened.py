@@ -87,9 +87,9 @@ _FONT = {"family": "Roboto, system-ui, sans-serif", "size": 12}
 
 def figure(spec: str) -> dict[str, Any]:
     """Return a chart (`updating.report.part`) as a figure of the page."""
-    made: dict[str, Any] = json.loads(spec)
-    made["layout"] |= {"autosize": True, "font": _FONT}
-    return made
+    drawn: dict[str, Any] = json.loads(spec)
+    drawn["layout"] |= {"autosize": True, "font": _FONT}
+    return drawn
 
 
 def plot(
@@ -143,16 +143,16 @@ def followed(lines: Sequence[str], line: str) -> list[str]:
 
 
 class Command:
-    """One command of `lamella` at a time, as a process of its own: a page stays quick beside it, and it can be stopped.
+    """One command of `lamella` at a time, in a process that the page can stop and does not wait for.
 
     Parameters
     ----------
-    said : callable
-        Takes the lines said so far each time that there is a new one.
+    show_lines : callable
+        Takes the lines that are printed so far, each time that there is a new one.
     """
 
-    def __init__(self, said: Callable[[list[str]], None]) -> None:
-        self._said = said
+    def __init__(self, show_lines: Callable[[list[str]], None]) -> None:
+        self._show_lines = show_lines
         self._process: asyncio.subprocess.Process | None = None
 
     @property
@@ -160,12 +160,12 @@ class Command:
         """Whether a command runs now."""
         return self._process is not None
 
-    async def run(self, words: Sequence[str], done: Callable[[int], Awaitable[None]]) -> None:
-        """Run `lamella` with these arguments and pass its exit code on."""
+    async def run(self, arguments: Sequence[str], ended: Callable[[int], Awaitable[None]]) -> None:
+        """Run `lamella` with these arguments and call `ended` with its exit code."""
         if self.running:
             return
         self._process = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", _CODE, *words,
+            sys.executable, "-c", _CODE, *arguments,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
@@ -179,14 +179,14 @@ class Command:
                 await asyncio.wait_for(reading, _LAST_WORDS)
         finally:
             self._process = None
-        await done(code)
+        await ended(code)
 
     async def _read(self, output: asyncio.StreamReader | None) -> None:
         lines: list[str] = []
         if output is not None:
             async for line in output:
                 lines = followed(lines, line.decode(errors="replace").rstrip())[-_SHOWN:]
-                self._said(lines)
+                self._show_lines(lines)
 
     def stop(self) -> None:
         """End the command as Ctrl-C does; what is written is whole, and it goes on from there when it is run again.

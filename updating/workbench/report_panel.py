@@ -31,11 +31,11 @@ def panel(server: Any, opened: Opened) -> None:
 
     @server.controller.set("report")
     def report() -> None:
-        asked, all_titles = state.asked_sections, state.sections
+        chosen, all_titles = state.asked_sections, state.sections
         only = (
             []
-            if len(asked) == len(all_titles)
-            else [word for title in all_titles if title in asked for word in ("--only", title)]
+            if len(chosen) == len(all_titles)
+            else [word for title in all_titles if title in chosen for word in ("--only", title)]
         )
         kinds = [f"--{kind}" for kind in _KINDS if kind in state.with_kinds]
         server.controller.run_command(["report", str(opened.folder), *kinds, *only])

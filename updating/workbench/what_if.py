@@ -148,15 +148,15 @@ def tried_model(
     known, ranked = find_effects(effects, catalogue()), explanation(results, effects)
     if ranked is None or results.diagnosis is None or results.diagnosis.stack is None:
         stack = stack_in_state(read_stack(stack_file), configuration)
-        (made,) = prepare([target_of_modes(stack.with_effects(*known), tested.measured)])
-        return Tried(prepared=made, natural=np.ones(1), ratio=np.ones(1))
+        (prepared,) = prepare([target_of_modes(stack.with_effects(*known), tested.measured)])
+        return Tried(prepared=prepared, natural=np.ones(1), ratio=np.ones(1))
     stated = results.diagnosis.stack
     stack = explained_stack(stated, ranked, known, state=tested.name, pressure=tested.pressure)
     plain = replace(stack, effects=(), effect_values={})
-    (made,) = prepare([target_of_modes(plain.with_effects(*known), tested.measured)])
-    modes = solve_all(made, explained_values(stack), ()).elastic()
+    (prepared,) = prepare([target_of_modes(plain.with_effects(*known), tested.measured)])
+    modes = solve_all(prepared, explained_values(stack), ()).elastic()
     ratio = finer_ratio(modes.frequency, ranked.modelled.get(tested.name, ()))
-    return Tried(prepared=made, natural=modes.frequency, ratio=ratio)
+    return Tried(prepared=prepared, natural=modes.frequency, ratio=ratio)
 
 
 def explained_values(stack: Stack) -> dict[str, float]:

@@ -90,7 +90,7 @@ class _WhatIf:
         self._awaited = False
         self._wanted: dict[str, float] = {}  # values that the sliders take once the model is there
         self._of: tuple[str, list[str]] | None = None  # configuration and effects that the sliders are of
-        self.command = Command(self._said)
+        self.command = Command(self._show_lines)
 
     async def begin(self) -> None:
         """Reduce the model in the background and show its sliders."""
@@ -140,18 +140,18 @@ class _WhatIf:
         campaign, results = read_campaign(self.opened.campaign), self.opened.results()
         tested = next(tested for tested in results.tested if tested.name == name)
         state, file = campaign.configuration(name), model_file(campaign, "what if")
-        base = made = tried_model(results, tested, state, file, ())
+        base = tried = tried_model(results, tested, state, file, ())
         if effects:
-            made = tried_model(results, tested, state, file, effects)
+            tried = tried_model(results, tested, state, file, effects)
         contact = base.prepared.target.stack.contact
         start = {"G_f": contact.G_f, "d_f": contact.d_f}
         if results.diagnosis is None and tested.opt is not None:
             start = {"G_f": tested.opt.G_f.value, "d_f": tested.opt.d_f.value}
         return _Shown(
-            tried=made,
-            knobs=knobs(made.prepared, **start),
+            tried=tried,
+            knobs=knobs(tried.prepared, **start),
             lines=tested.frf().band(*tested.measured.band) if tested.has_functions else None,
-            force=driven(tested, made.prepared),
+            force=driven(tested, tried.prepared),
             before=outcome(base, start),
             before_force=driven(tested, base.prepared),
         )
@@ -239,17 +239,17 @@ class _WhatIf:
         if self._tried is None or self.command.running:
             return
         effects = [word for name in state.tried_effects for word in ("--effect", name)]
-        words = [
+        arguments = [
             "fit" if effects else "diagnose",
             str(self.opened.campaign),
             "-o",
             str(self.opened.folder),
             *effects,
         ]
-        state.what_if_text, state.fitting = f"This is: {shlex.join(['lamella', *words])}", True
-        self._task = asyncio.get_running_loop().create_task(self.command.run(words, self._fitted))
+        state.what_if_text, state.fitting = f"This is: {shlex.join(['lamella', *arguments])}", True
+        self._task = asyncio.get_running_loop().create_task(self.command.run(arguments, self._fitted))
 
-    def _said(self, lines: list[str]) -> None:
+    def _show_lines(self, lines: list[str]) -> None:
         with self.state as state:
             state.fitted_text = lines[-1] if lines else ""
 
