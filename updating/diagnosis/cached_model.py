@@ -70,8 +70,8 @@ def cached_model(
     stack, instruments, effects, aids, executor
         As in `candidate_model`.
     """
-    own = [vars(effect) for effect in shipped()]  # by what they are: other processes have copies
-    if any(vars(effect) not in own for effect in (*stack.effects, *effects.values())):
+    shipped_effects = [vars(effect) for effect in shipped()]  # by what they are: other processes have copies
+    if any(vars(effect) not in shipped_effects for effect in (*stack.effects, *effects.values())):
         return candidate_model(stack, instruments, effects, aids, executor)
     made_by = {**versions(), "scikit-fem": version("scikit-fem"), "python": platform.python_version()}
     base = replace(stack, instruments=instruments)
@@ -79,14 +79,14 @@ def cached_model(
     path = folder() / f"model_{what}.arrays"
     made = {"versions": made_by, "stack": stack.name, "digest": what}
     special = _special((*stack.effects, *effects.values(), *aids, *clamp_places(base)))
-    found = _read(path, made, special)
-    if found is not None:
-        return found
-    found = candidate_model(stack, instruments, effects, aids, executor)
+    candidates = _read(path, made, special)
+    if candidates is not None:
+        return candidates
+    candidates = candidate_model(stack, instruments, effects, aids, executor)
     with suppress(StoreError, OSError, TypeError):  # what cannot be written is made anew
-        write_arrays(path, flattened(found, _TYPES, special), made)
+        write_arrays(path, flattened(candidates, _TYPES, special), made)
         _forget(path.parent)
-    return found
+    return candidates
 
 
 def folder() -> Path:
@@ -97,17 +97,17 @@ def folder() -> Path:
 def _read(path: Path, made: Mapping[str, Any], special: Sequence[Special]) -> CandidateModel | None:
     try:
         graph = read_arrays(path, made)
-        found = None if graph is None else restored(graph, _TYPES, special)
+        candidates = None if graph is None else restored(graph, _TYPES, special)
         path.touch()  # for it was used now
     except Exception:  # no file, or what one makes of its reading that somebody wrote by hand
         return None
-    return found if isinstance(found, CandidateModel) else None
+    return candidates if isinstance(candidates, CandidateModel) else None
 
 
 def _forget(where: Path) -> None:
     """Remove all models but those that were used last."""
-    every = sorted(where.glob("model_*"), key=lambda file: file.stat().st_mtime, reverse=True)
-    for file in every[N_CACHED:]:
+    files = sorted(where.glob("model_*"), key=lambda file: file.stat().st_mtime, reverse=True)
+    for file in files[N_CACHED:]:
         file.unlink(missing_ok=True)
 
 
@@ -166,10 +166,10 @@ def _function(written: Mapping[str, Any]) -> Any:
     """
     module, name = written["module"], written["name"]
     if module in _modules():
-        found = getattr(sys.modules[module], name, None)
-        if inspect.isfunction(found) and found.__module__ == module:
-            (first, *_) = inspect.get_annotations(found).values()
+        factor = getattr(sys.modules[module], name, None)
+        if inspect.isfunction(factor) and factor.__module__ == module:
+            (first, *_) = inspect.get_annotations(factor).values()
             if first == "Theta":
-                return found
+                return factor
     message = f"{module}.{name} is no factor of an effect"
     raise TypeError(message)

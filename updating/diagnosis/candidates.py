@@ -153,20 +153,20 @@ def _resized(base: Stack, system: ReducedSystem) -> dict[str, ReducedEquations]:
 
     They are in its own basis, stretched with it: modes differ little, and a Rayleigh quotient by their square.
     """
-    found = {}
+    by_dimension = {}
     for name in DIMENSIONS if base.outline is None else ("height",):
         for change in (_RESIZED, -_RESIZED):  # smaller where a larger one has more elements
             stack = replace(base, **{name: (1.0 + change) * getattr(base, name)})
             assembly = assemble(stack).project_z(system.phi)
             if assembly.size == system.assembly.size:
                 break
-        found[name] = ReducedEquations(
+        by_dimension[name] = ReducedEquations(
             stack=assembly.stack,
             terms=reduced_terms(assembly, _stretch(system, name, assembly)[:, None] * system.basis),
             theta=assembly.theta,
             ranges=system.ranges,
         )
-    return found
+    return by_dimension
 
 
 def _stretch(system: ReducedSystem, name: str, resized: Assembly) -> NDArray[np.float64]:
@@ -184,8 +184,8 @@ def _stretch(system: ReducedSystem, name: str, resized: Assembly) -> NDArray[np.
     axis = "x" if name == "length" else "y"
     factor[where["u" if axis == "x" else "v"]] = 1.0 / ratio
     deflection = np.ones(plan.size("w"))
-    for own, dofs in zip(plan.plate.elem.dofnames, plan.plate.nodal_dofs, strict=True):
-        if axis in own:
+    for dof_name, dofs in zip(plan.plate.elem.dofnames, plan.plate.nodal_dofs, strict=True):
+        if axis in dof_name:
             deflection[dofs] = 1.0 / ratio
     factor[where["w"]] = np.tile(deflection, system.assembly.n_z["w"])
     return factor

@@ -10,20 +10,20 @@ from updating.diagnosis.stack_model import StackModel
 from updating.inference.explain import Explanation
 
 
-def contact_amplitudes(model: StackModel, own: Explanation) -> tuple[ContactAmplitude, ...]:
+def contact_amplitudes(model: StackModel, explanation: Explanation) -> tuple[ContactAmplitude, ...]:
     """Return the amplitudes of the contact, level by level; none where no amplitude was measured.
 
     Parameters
     ----------
     model : StackModel
         Measurement and model.
-    own : Explanation
+    explanation : Explanation
         Whose slip it is, if it has any.
     """
-    effect, found = model.slip, []
+    effect, amplitudes = model.slip, []
     values = {}
-    if effect is not None and effect.name in own.terms:
-        values = {p.name: scaled(p, own.value(p.name))[0] for p in effect.parameters}
+    if effect is not None and effect.name in explanation.terms:
+        values = {p.name: scaled(p, explanation.value(p.name))[0] for p in effect.parameters}
     for tested in model.tested:
         if tested.strain is None or tested.motion is None:
             continue
@@ -33,7 +33,7 @@ def contact_amplitudes(model: StackModel, own: Explanation) -> tuple[ContactAmpl
                 if values and effect is not None and effect.over_strain is not None
                 else np.zeros((2, 1))
             )
-            found.append(
+            amplitudes.append(
                 ContactAmplitude(
                     configuration=tested.name,
                     mode=r + 1,
@@ -46,4 +46,4 @@ def contact_amplitudes(model: StackModel, own: Explanation) -> tuple[ContactAmpl
                     loss=float(np.mean(loss)),
                 )
             )
-    return tuple(found)
+    return tuple(amplitudes)

@@ -1,4 +1,4 @@
-"""Further tests that a laboratory can afford, and how well each would tell explanations apart."""
+"""Further tests that a laboratory can afford, and how well each would separate explanations."""
 
 from __future__ import annotations
 
@@ -176,16 +176,18 @@ class _Expected:
     sensor: NDArray[np.int64]
 
 
-def rank_tests(model: StackModel, found: Search, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
+def rank_tests(
+    model: StackModel, search: Search, explanations: Sequence[Explanation]
+) -> tuple[NextTest, ...]:
     """Rank further tests by the smallest distance that they leave between explanations, the best first.
 
     For explanations A and B the data of the further test are predicted with A, and B is fitted to them and to the data
-    at hand by a linear step; the root of what its misfit exceeds A's by is the distance.
+    at hand by a linear step. The distance is the root of the difference between its misfit and that of A.
     """
     if len(explanations) < 2:
         return ()
-    misfits = [misfit(own, own.evidence.sizes) for own in explanations]
-    now = min(float(np.sqrt(max(own - misfits[0], 0.0))) for own in misfits[1:])
+    misfits = [misfit(explanation, explanation.evidence.sizes) for explanation in explanations]
+    now = min(float(np.sqrt(max(value - misfits[0], 0.0))) for value in misfits[1:])
     ranked = []
     for experiment in EXPERIMENTS:
         if any(name == "test_clamps_moved" for name, _ in experiment.known) and not model.stack.clamps:
@@ -193,7 +195,7 @@ def rank_tests(model: StackModel, found: Search, explanations: Sequence[Explanat
         if experiment.pressure_ratio != 1.0 and not model.touching:
             continue
         try:
-            apart = _distances(model, found, experiment, explanations, misfits)
+            apart = _distances(model, search, experiment, explanations, misfits)
         except np.linalg.LinAlgError:  # clamps that are moved and sit elsewhere than stated, for instance
             continue
         ranked.append(
@@ -211,15 +213,15 @@ def _second_level(
 ) -> float | None:
     """Return the smallest distance that a second force level leaves; None where several levels were tested.
 
-    It tells what follows the amplitude from all that does not, by as much as slip of the usual strength does, and
-    nothing else.
+    It separates explanations that depend on amplitude from those that do not, by as much as slip of the usual strength
+    does, and no others.
     """
     shows = second_level(model, explanations[0])
     if shows is None:
         return None
     moves = [
-        any(name in model.effects and model.effects[name].family == "amplitude" for name in own.terms)
-        for own in explanations
+        any(name in model.effects and model.effects[name].family == "amplitude" for name in explanation.terms)
+        for explanation in explanations
     ]
     return min(
         float(np.hypot(np.sqrt(abs(misfits[i] - misfits[j])), shows if moves[i] != moves[j] else 0.0))
@@ -229,13 +231,13 @@ def _second_level(
 
 def _distances(
     model: StackModel,
-    found: Search,
+    search: Search,
     experiment: Experiment,
     explanations: Sequence[Explanation],
     misfits: Sequence[float],
 ) -> list[float]:
     """Return the distance of every explanation from the data that every other one predicts for a test."""
-    tested = [own.pressure for own in model.tested]
+    tested = [configuration.pressure for configuration in model.tested]
     ratio = experiment.pressure_ratio
     pressure = -ratio * min(tested) if ratio < 0.0 else ratio * max(tested)
     first = Tested(
@@ -245,26 +247,26 @@ def _distances(
         known=dict(experiment.known),
     )
     alone = model.of_tests([first], model.observation[:1])
-    names = dict.fromkeys(name for own in explanations for name in own.terms)
-    every = coordinates_of(alone, [alone.terms[n] for n in names if n in alone.terms])
-    local = alone.about(every, [_at(every, explanations[0])])
+    names = dict.fromkeys(name for explanation in explanations for name in explanation.terms)
+    all_coordinates = coordinates_of(alone, [alone.terms[n] for n in names if n in alone.terms])
+    local = alone.about(all_coordinates, [_at(all_coordinates, explanations[0])])
     apart = []
-    for i, one in enumerate(explanations):
-        own = coordinates_of(alone, [alone.terms[n] for n in one.terms if n in alone.terms])
-        expected = _expected(model, local.of(own), _at(own, one))
-        if expected is None:  # a test without a mode in the band tells nothing
+    for i, explanation in enumerate(explanations):
+        coordinates = coordinates_of(alone, [alone.terms[n] for n in explanation.terms if n in alone.terms])
+        expected = _expected(model, local.of(coordinates), _at(coordinates, explanation))
+        if expected is None:  # a test without a mode in the band separates nothing
             return [0.0]
         test = alone.of_tests([replace(first, modes=expected)], model.observation[:1])
         for j, other in enumerate(explanations):
             if i != j:
-                rise = _misfit_with(test, found, local.measured_as(test), other) - misfits[i]
+                rise = _misfit_with(test, search, local.measured_as(test), other) - misfits[i]
                 apart.append(float(np.sqrt(max(rise, 0.0))))
     return apart
 
 
-def _at(coordinates: Sequence[Coordinate], own: Explanation) -> Vector:
+def _at(coordinates: Sequence[Coordinate], explanation: Explanation) -> Vector:
     """Return coordinates of a further test where an explanation has them; its reassembly is not known."""
-    have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
+    have = {c.name: x for c, x in zip(explanation.coordinates, explanation.x, strict=True)}
     return np.array([have.get(c.name, 0.0) for c in coordinates])
 
 
@@ -275,7 +277,7 @@ def _expected(model: StackModel, local: LocalModel, x: Vector) -> _Expected | No
     """
     modal = local.modal(x, 0)
     frequency = np.sqrt(modal.eigenvalue) / (2.0 * np.pi)
-    top = max(float(own.frequency.max()) for own in model.states)
+    top = max(float(state.frequency.max()) for state in model.states)
     seen = np.flatnonzero((np.arange(frequency.size) >= modal.n_rigid) & (frequency < 1.05 * top))
     shape = modal.rows[:, seen]
     large = np.sqrt(np.mean(shape**2, axis=0))
@@ -295,27 +297,27 @@ def _expected(model: StackModel, local: LocalModel, x: Vector) -> _Expected | No
     )
 
 
-def _misfit_with(test: StackModel, found: Search, local: LocalModel, own: Explanation) -> float:
+def _misfit_with(test: StackModel, search: Search, local: LocalModel, explanation: Explanation) -> float:
     """Return the misfit of an explanation to the data at hand and to a further test after a linear step."""
-    coordinates = coordinates_of(test, [test.terms[n] for n in own.terms if n in test.terms])
-    at = _at(coordinates, own)
-    noise = np.full(test.states[0].frequency.size, float(np.median(np.concatenate(found.setting.noise))))
+    coordinates = coordinates_of(test, [test.terms[n] for n in explanation.terms if n in test.terms])
+    at = _at(coordinates, explanation)
+    noise = np.full(test.states[0].frequency.size, float(np.median(np.concatenate(search.setting.noise))))
     errors = equation_errors(test.states[0], local.of(coordinates).modal(at, 0), noise, at.size)
-    fresh, slope, _ = whitened(joined([errors], np.ones((1, 1))), own.evidence.sizes)
-    old, before, _ = whitened(own.problem, own.evidence.sizes)
-    names = [c.name for c in own.coordinates]
-    jacobian = np.zeros((fresh.size, own.x.size + 2))
+    fresh, slope, _ = whitened(joined([errors], np.ones((1, 1))), explanation.evidence.sizes)
+    old, before, _ = whitened(explanation.problem, explanation.evidence.sizes)
+    names = [c.name for c in explanation.coordinates]
+    jacobian = np.zeros((fresh.size, explanation.x.size + 2))
     for i, c in enumerate(coordinates):
         if c.name in names:
             jacobian[:, names.index(c.name)] = slope[:, i]
         for extra, shared in enumerate(("G_f", "d_f")):  # of the further test's own assembly
             if c.name == shared:
-                jacobian[:, own.x.size + extra] = slope[:, i]
+                jacobian[:, explanation.x.size + extra] = slope[:, i]
     scatter = test.scatter
-    std = np.array([*(c.std for c in own.coordinates), scatter.stiffness, scatter.loss])
+    std = np.array([*(c.std for c in explanation.coordinates), scatter.stiffness, scatter.loss])
     held = np.isfinite(std)
-    value = np.concatenate([old, fresh, np.append(own.x, [0.0, 0.0])[held] / std[held]])
+    value = np.concatenate([old, fresh, np.append(explanation.x, [0.0, 0.0])[held] / std[held]])
     matrix = np.vstack([np.hstack([before, np.zeros((old.size, 2))]), jacobian, np.diag(1.0 / std)[held]])
-    free = ~np.append(own.at_bound, [False, False])
+    free = ~np.append(explanation.at_bound, [False, False])
     q = np.linalg.qr(matrix[:, free])[0]
     return float(value @ value - np.sum((q.T @ value) ** 2))

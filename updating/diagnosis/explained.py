@@ -1,4 +1,4 @@
-"""What an answer needs of a model beside what the inference does: names, units, and what a fit moved."""
+"""What an answer needs of a model beyond the inference: names, units, and what a fit moved."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from updating.inference.protocol import Model
 
 
 class Explained(Model, Protocol):
-    """A model whose explanations are told to a person: a stack, or matrices of another program."""
+    """A model whose explanations are reported: a stack, or matrices of another program."""
 
     @property
     def effects(self) -> Mapping[str, Effect]:
@@ -28,10 +28,10 @@ class Explained(Model, Protocol):
 
     @property
     def labels(self) -> Mapping[str, str]:
-        """What a person calls each effect and hypothesis."""
+        """Plain name of each effect and hypothesis."""
 
     def unit(self, nuisance: str) -> str:
         """Return the unit of a nuisance: m of places, 1/s of a decay, 1 where it is the logarithm of a ratio."""
 
-    def moved(self, own: Explanation) -> tuple[Moved, ...]:
+    def moved(self, explanation: Explanation) -> tuple[Moved, ...]:
         """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""

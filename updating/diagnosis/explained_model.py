@@ -26,7 +26,7 @@ _N_MODE = 22  # that are solved for pairing, rigid-body modes included
 
 
 def explained_stack(
-    stack: Stack, own: Ranked, effects: Sequence[Effect], *, state: str, pressure: float | None = None
+    stack: Stack, explanation: Ranked, effects: Sequence[Effect], *, state: str, pressure: float | None = None
 ) -> Stack:
     """Return a stack with everything that an explanation moved, as it is in one configuration.
 
@@ -34,7 +34,7 @@ def explained_stack(
     ----------
     stack : Stack
         As its file states it.
-    own : Ranked
+    explanation : Ranked
         The explanation.
     effects : sequence of Effect
         Those of its effects that change the stack.
@@ -43,7 +43,7 @@ def explained_stack(
     pressure : float, optional
         Its pressure, Pa; by default that of the stack.
     """
-    at, contact, material = own.nuisance, stack.contact, stack.material
+    at, contact, material = explanation.nuisance, stack.contact, stack.material
 
     def ratio(*names: str) -> float:
         return float(np.exp(sum(at.get(name, 0.0) for name in names)))
@@ -53,7 +53,7 @@ def explained_stack(
     for i, axis, value in moved:
         clamps[i] = replace(clamps[i], **{axis: getattr(clamps[i], axis) + value})
     known = {p.name for effect in effects for p in effect.parameters}
-    values = {p.name: p.value for p in own.parameter if p.name in known}
+    values = {p.name: p.value for p in explanation.parameter if p.name in known}
     made = replace(
         stack,
         **{name: ratio(name) * getattr(stack, name) for name in DIMENSIONS},
@@ -97,10 +97,10 @@ def explained_model(
         The stack cannot have its effects, no mode pairs, or points of the measurement do not lie on it.
     """
     registration = register(stack, measured.geometry, measured.node, measured.direction)
-    system, own = reduce(stack, n_snapshot=1, n_mode=_N_MODE), stack.contact
+    system, contact = reduce(stack, n_snapshot=1, n_mode=_N_MODE), stack.contact
     observed = observe(system, registration.observation)
     modes = solve_modes(
-        system, G_f=own.G_f, d_f=own.d_f, n_mode=_N_MODE, observation=observed, by=()
+        system, G_f=contact.G_f, d_f=contact.d_f, n_mode=_N_MODE, observation=observed, by=()
     ).elastic()
     modes = replace(modes, frequency=modes.frequency * finer_ratio(modes.frequency, modelled))
     pairing = pair(measured, modes, threshold=threshold)
@@ -111,8 +111,8 @@ def explained_model(
     return Fit(
         name=measured.name,
         stack=stack,
-        G_f=kept_estimate("G_f", "Pa/Pa", own.G_f, opt_G(frequency, modes.frequency[pairing.model])),
-        d_f=kept_estimate("d_f", "s/Pa", own.d_f, opt_d(damping, modes.damping[pairing.model])),
+        G_f=kept_estimate("G_f", "Pa/Pa", contact.G_f, opt_G(frequency, modes.frequency[pairing.model])),
+        d_f=kept_estimate("d_f", "s/Pa", contact.d_f, opt_d(damping, modes.damping[pairing.model])),
         modes=modes,
         pairing=pairing,
         distance=registration.distance,

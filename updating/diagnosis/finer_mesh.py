@@ -58,10 +58,10 @@ class FinerMesh:
         raw = la.lstsq(self.rows @ vectors, self.finer_rows @ vector[:, :n])[0][:n]
         u, _, v = la.svd(raw)
         turn = u @ v
-        found = turn @ np.diag(np.where(value[:n] < rigid, 0.0, value[:n])) @ turn.T
+        finer_stiffness = turn @ np.diag(np.where(value[:n] < rigid, 0.0, value[:n])) @ turn.T
         change = np.zeros((m, m))
         change[:n, :n] = EXTRAPOLATED * (
-            found - np.diag(np.where(eigenvalue[:n] < rigid, 0.0, eigenvalue[:n]))
+            finer_stiffness - np.diag(np.where(eigenvalue[:n] < rigid, 0.0, eigenvalue[:n]))
         )
         lost = np.append(np.sum(raw**2, axis=1) < alike, np.ones(m - n, dtype=bool)) | (eigenvalue < rigid)
         change[lost] = 0.0

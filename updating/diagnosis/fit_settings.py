@@ -1,4 +1,4 @@
-"""What somebody knows, or asks, of parameters beforehand: who shares them, priors, bounds, values that are fixed."""
+"""What is known of parameters before a fit: who shares them, priors, bounds, values that are fixed."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class FitSettings:
     scatter: DiagnosisScatter = field(default_factory=DiagnosisScatter)
 
     def require(self, effects: Mapping[str, Effect], n_mode: Mapping[str, int]) -> None:
-        """Require that everything that is named there is, and that it can be.
+        """Require that everything that is named there exists and is possible.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class FitSettings:
         Raises
         ------
         FitError
-            Something is not; the message says what would be right.
+            Something does not exist or is impossible; the message says what would be right.
         """
         of_effects = {p.name for effect in effects.values() for p in effect.parameters}
         known = {*CONTACT, *RATIOS, *of_effects}
@@ -167,18 +167,18 @@ class FitSettings:
 
     def part(
         self,
-        own: Coordinate,
+        coordinate: Coordinate,
         name: str,
         level: Scope,
         levels: Sequence[Scope],
         usual: Coordinate,
         stack: Stack,
     ) -> Coordinate:
-        """Return what a level contributes to a parameter, with what is known of it.
+        """Return the coordinate of a level's contribution to a parameter, with its prior.
 
         Parameters
         ----------
-        own : Coordinate
+        coordinate : Coordinate
             The contribution, as it is without settings.
         name : str
             The parameter.
@@ -190,26 +190,27 @@ class FitSettings:
             What coordinates are relative to.
         """
         if name not in (*CONTACT, *RATIOS):
-            return own
+            return coordinate
         if name in self.fixed:
-            return _pinned(own)
+            return _pinned(coordinate)
         scope = self.scope.get(name)
         std = self._std(name, usual)
         if std is None:
             if level == "specimen" and scope == "all":
-                return _pinned(own)
+                return _pinned(coordinate)
             if level == "configuration" and scope == "configuration":
-                return replace(own, std=_OWN, step=0.1)
-            return self._bounded(own, name, stack) if level == "all" else own
+                return replace(coordinate, std=_OWN, step=0.1)
+            return self._bounded(coordinate, name, stack) if level == "all" else coordinate
         wanted = scope or ("specimen" if name in CONTACT else "all")
-        bearing = [one for one in SCOPES[: SCOPES.index(wanted) + 1] if one in levels][-1]
+        bearing = [shared_by for shared_by in SCOPES[: SCOPES.index(wanted) + 1] if shared_by in levels][-1]
         if level == bearing:
-            moved = replace(own, std=std, step=min(own.step, 0.1))
+            moved = replace(coordinate, std=std, step=min(coordinate.step, 0.1))
             if level != "all" or name in RATIOS:
                 moved = replace(moved, lower=-_FARTHEST * std, upper=_FARTHEST * std)
             return self._bounded(moved, name, stack)
         inner = SCOPES.index(level) > SCOPES.index(bearing)
-        return own if inner and level == "configuration" else _pinned(own)  # reassembly there is always
+        scatters = inner and level == "configuration"  # by reassembly, always
+        return coordinate if scatters else _pinned(coordinate)
 
     def _std(self, name: str, usual: Coordinate) -> float | None:
         """Return the standard deviation of the logarithm of a parameter; None where nothing is said of it."""
@@ -220,33 +221,33 @@ class FitSettings:
             return float(np.inf)
         return usual.std if name in RATIOS and name in self.scope else None
 
-    def _bounded(self, own: Coordinate, name: str, stack: Stack) -> Coordinate:
+    def _bounded(self, coordinate: Coordinate, name: str, stack: Stack) -> Coordinate:
         """Return a coordinate between the bounds that are stated; without any, that of a free ratio between usual ones.
 
         A model that is reduced for a range of G_f holds in that alone.
         """
         bounds = self.bounds.get(name)
         if bounds is None:
-            if np.isfinite(own.std) or name in CONTACT:
-                return own
+            if np.isfinite(coordinate.std) or name in CONTACT:
+                return coordinate
             bounds = _RATIO_BOUNDS
         origin = {"G_f": stack.contact.G_f, "d_f": stack.contact.d_f or D_F_START}.get(name)
         if origin is None:
             origin = self.priors.get(name, (1.0, 0.0))[0]
         lower, upper = (float(np.log(end / origin)) if end > 0.0 else -np.inf for end in bounds)
-        lower = max(lower, own.lower) if name == "G_f" else lower
-        upper = min(upper, own.upper) if name == "G_f" else upper
+        lower = max(lower, coordinate.lower) if name == "G_f" else lower
+        upper = min(upper, coordinate.upper) if name == "G_f" else upper
         if not lower < upper:
             message = (
                 f"bounds of {name}: none of {bounds[0]:g} to {bounds[1]:g} is what the model is made for"
             )
             raise FitError(message)
-        return replace(own, lower=lower, upper=upper)
+        return replace(coordinate, lower=lower, upper=upper)
 
     def tells(self, effects: Mapping[str, Effect]) -> bool:
         """Tell whether anything is said of the parameters of effects."""
-        told = {*self.fixed, *self.bounds, *self.priors, *self.start}
-        return any(p.name in told for effect in effects.values() for p in effect.parameters)
+        stated = {*self.fixed, *self.bounds, *self.priors, *self.start}
+        return any(p.name in stated for effect in effects.values() for p in effect.parameters)
 
     def effects(self, effects: Mapping[str, Effect]) -> dict[str, Effect]:
         """Return effects whose coordinates are 0 at what is fixed and at the means of priors, between stated bounds."""
@@ -270,30 +271,30 @@ class FitSettings:
 
     def of_effect(self, p: Parameter) -> Coordinate:
         """Return the coordinate of an effect's parameter, of those that `effects` returns, with what is known of it."""
-        own = free_coordinate(p)
+        coordinate = free_coordinate(p)
         if p.name in self.fixed:
-            return _pinned(own)
+            return _pinned(coordinate)
         if p.name in self.priors:
-            own = replace(own, std=self.priors[p.name][1] / abs(scaled(p, 0.0)[1]))
+            coordinate = replace(coordinate, std=self.priors[p.name][1] / abs(scaled(p, 0.0)[1]))
         if p.name in self.start:
-            own = replace(
-                own, starts=(coordinate_of(p, float(np.clip(self.start[p.name], p.lower, p.upper))),)
+            coordinate = replace(
+                coordinate, starts=(coordinate_of(p, float(np.clip(self.start[p.name], p.lower, p.upper))),)
             )
-        return own
+        return coordinate
 
 
 def _of_base(given: Mapping[str, T]) -> dict[str, T]:
     return {name: value for name, value in given.items() if name in (*CONTACT, *RATIOS)}
 
 
-def _pinned(own: Coordinate) -> Coordinate:
+def _pinned(coordinate: Coordinate) -> Coordinate:
     """Return a coordinate that stays where it is."""
-    return replace(own, std=_PINNED, lower=0.0, upper=0.0, starts=(0.0,))
+    return replace(coordinate, std=_PINNED, lower=0.0, upper=0.0, starts=(0.0,))
 
 
-def is_pinned(own: Coordinate) -> bool:
+def is_pinned(coordinate: Coordinate) -> bool:
     """Tell whether a coordinate is fixed."""
-    return own.lower == own.upper
+    return coordinate.lower == coordinate.upper
 
 
 def require_known(what: str, given: Collection[str], known: Collection[str]) -> None:

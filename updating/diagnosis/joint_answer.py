@@ -175,10 +175,10 @@ class JointFit:
         for c in self.configuration:
             known = c.measured_damping if damping else c.measured_frequency
             name = ("damping" if damping else "frequency") + ("_before" if before else "")
-            found = getattr(c, name)
-            chosen = (c.used != held_out) & np.isfinite(known) & np.isfinite(found)
+            modelled = getattr(c, name)
+            chosen = (c.used != held_out) & np.isfinite(known) & np.isfinite(modelled)
             measured.append(known[chosen])
-            model.append(found[chosen])
+            model.append(modelled[chosen])
         together = np.concatenate(measured)
         return frequency_error(together, np.concatenate(model)) if together.size else float("nan")
 

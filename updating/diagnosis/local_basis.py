@@ -1,4 +1,4 @@
-"""What the basis of equations near a point holds: modes there, and how they answer to what may move."""
+"""The basis of equations near a point: modes there, and their responses to coordinates that may move."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ def gathered(n: int, parts: Iterable[tuple[float, Matrix]]) -> list[Matrix]:
     return [*between.values(), *([summed(n, full)] if full else [])]
 
 
-def parallel(one: Vector, other: Vector) -> bool:
+def parallel(first: Vector, second: Vector) -> bool:
     """Tell whether two forces differ by a factor only."""
-    return abs(np.vdot(one, other)) > (1.0 - 1e-6) * np.linalg.norm(one) * np.linalg.norm(other)
+    return abs(np.vdot(first, second)) > (1.0 - 1e-6) * np.linalg.norm(first) * np.linalg.norm(second)
 
 
 def leading(gram: Vector, energy: Vector, mass: Vector) -> Vector:
-    """Return a basis of what counts in some vectors.
+    """Return a basis of the leading combinations of some vectors.
 
     Parameters
     ----------
@@ -77,21 +77,21 @@ MODES = ""
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Responses:
-    """The vectors that a basis was chosen from: modes, and answers to steps of coordinates.
+    """The vectors that a basis was chosen from: modes, and responses to steps of coordinates.
 
     Attributes
     ----------
-    every : (n_basis, n) float
+    vectors : (n_basis, n) float
         In coordinates of the whole model.
     within : (size, n_basis) float
-        What gives their coordinates in the basis.
+        Gives their coordinates in the basis.
     of : (n,) str
-        The coordinate that each answers to.
+        The coordinate of which each is a response.
     energy : (size, size) float
-        Lower Cholesky factor of what measures energy.
+        Lower Cholesky factor of the matrix that measures energy.
     """
 
-    every: Vector
+    vectors: Vector
     within: Vector
     of: NDArray[np.str_]
     energy: Vector
@@ -99,14 +99,14 @@ class Responses:
     @cached_property
     def grams(self) -> dict[str, Vector]:
         """Sums of squares of the vectors of each coordinate, (size, size)."""
-        weighed = self.energy.T @ self.within @ self.every
-        each = {name: weighed[:, self.of == name] for name in np.unique(self.of).tolist()}
-        return {name: own @ own.T for name, own in each.items()}
+        weighed = self.energy.T @ self.within @ self.vectors
+        by_coordinate = {name: weighed[:, self.of == name] for name in np.unique(self.of).tolist()}
+        return {name: vectors @ vectors.T for name, vectors in by_coordinate.items()}
 
     def basis(self, coordinates: Sequence[Coordinate], at: Mapping[str, float]) -> Vector:
-        """Return a basis of what counts for some of the coordinates, (size, m), orthonormal.
+        """Return an orthonormal basis, (size, m), for some of the coordinates.
 
-        What answers to a coordinate that is neutral where the vectors were made counts as it is at its starts.
+        Responses to a coordinate that was neutral where the vectors were made are scaled to its starts.
         """
         total = self.grams[MODES].copy()
         for c in coordinates:

@@ -1,7 +1,6 @@
-"""Whether a mass or a spring at one of the measured points explains what a model leaves: an effect that none need know.
+"""Whether a mass or a spring at one of the measured points explains what a model leaves unexplained.
 
-To first order a mass or a spring at a point is as easily tried as an effect of the catalogue, and that the best of all
-points was chosen is counted.
+It needs no effect of the catalogue. All points are tried to first order, and the odds count that the best was chosen.
 """
 
 from __future__ import annotations
@@ -28,24 +27,27 @@ _MOST: dict[Kind, tuple[str, float]] = {"mass": ("kg", 1.0), "spring": ("N/m", 1
 """Of each kind its unit, and the most that is tried, less or more."""
 
 
-def point_change(model: StackModel, found: Search, own: Explanation) -> PointChange | None:
+def point_change(model: StackModel, search: Search, explanation: Explanation) -> PointChange | None:
     """Return the change at one measured point that explains most of what an explanation leaves; None where none does.
 
     Parameters
     ----------
     model : StackModel
         Measurement and model.
-    found : Search
+    search : Search
         What fits share.
-    own : Explanation
-        What is fitted already; it takes its share of each step.
+    explanation : Explanation
+        The fit so far; its coordinates take part in each step.
     """
     largest = max(range(len(model.states)), key=lambda c: model.observation[c].node.size)
     point = _points(model.observation[largest])
-    local, size = model.about(own.coordinates, [own.x]), own.x.size
+    local, size = model.about(explanation.coordinates, [explanation.x]), explanation.x.size
     columns: dict[Kind, list[Vector]] = {"mass": [], "spring": []}
-    for c, errors in enumerate(own.errors):
-        modal, place = local.modal(own.x, c), {p: i for i, p in enumerate(_points(model.observation[c]))}
+    for c, errors in enumerate(explanation.errors):
+        modal, place = (
+            local.modal(explanation.x, c),
+            {p: i for i, p in enumerate(_points(model.observation[c]))},
+        )
         rows = np.array(
             [modal.rows[place[p]] if p in place else np.zeros(modal.eigenvalue.size) for p in point]
         )
@@ -58,14 +60,14 @@ def point_change(model: StackModel, found: Search, own: Explanation) -> PointCha
         columns["mass"].append((-errors.eigenvalue[:, None, None] * force).reshape(-1, len(point)))
     best: tuple[float, Kind, int] | None = None
     for kind, (_, most) in _MOST.items():
-        problem = _with(own.problem, most * np.vstack(columns[kind]))
+        problem = _with(explanation.problem, most * np.vstack(columns[kind]))
         extra = [Coordinate(name=f"{kind}_{i}", std=1.0) for i in range(len(point))]
         known = np.arange(size + len(point)) < size
         mean, std = information(
             problem,
-            np.append(own.x, np.zeros(len(point))),
-            [*own.coordinates, *extra],
-            own.evidence.sizes,
+            np.append(explanation.x, np.zeros(len(point))),
+            [*explanation.coordinates, *extra],
+            explanation.evidence.sizes,
             known,
         )
         gain = 0.5 * (mean[size:] / std[size:]) ** 2
@@ -75,16 +77,20 @@ def point_change(model: StackModel, found: Search, own: Explanation) -> PointCha
     assert best is not None
     _, kind, i = best
     most = _MOST[kind][1]
-    problem = _with(own.problem, most * np.vstack(columns[kind])[:, [i]])
+    problem = _with(explanation.problem, most * np.vstack(columns[kind])[:, [i]])
     x, after = stepped(
-        problem, np.append(own.x, 0.0), (*own.coordinates, Coordinate(name=kind, std=1.0)), found, own
+        problem,
+        np.append(explanation.x, 0.0),
+        (*explanation.coordinates, Coordinate(name=kind, std=1.0)),
+        search,
+        explanation,
     )
-    log_odds = after.log - own.log_evidence - float(np.log(2 * len(point)))
-    shrinks = after.sizes.stiffness**2 <= (1.0 - MOST) * own.evidence.sizes.stiffness**2
+    log_odds = after.log - explanation.log_evidence - float(np.log(2 * len(point)))
+    shrinks = after.sizes.stiffness**2 <= (1.0 - MOST) * explanation.evidence.sizes.stiffness**2
     if log_odds < POINT_SHOWS or not shrinks or abs(x[-1]) > 1.0:
         return None
     return PointChange(
-        beside=own.terms, node=point[i][0], kind=kind, size=float(most * x[-1]), log_odds=log_odds
+        beside=explanation.terms, node=point[i][0], kind=kind, size=float(most * x[-1]), log_odds=log_odds
     )
 
 
@@ -110,13 +116,13 @@ def _with(problem: Problem, columns: Vector) -> Problem:
 
 
 def stepped(
-    problem: Problem, x: Vector, coordinates: tuple[Coordinate, ...], found: Search, own: Explanation
+    problem: Problem, x: Vector, coordinates: tuple[Coordinate, ...], search: Search, explanation: Explanation
 ) -> tuple[Vector, Evidence]:
-    """Return where a linear step of all coordinates leads, and the evidence there."""
-    value, jacobian, _ = whitened(problem, own.evidence.sizes)
+    """Return the coordinates after a linear step, and the evidence there."""
+    value, jacobian, _ = whitened(problem, explanation.evidence.sizes)
     precision = np.array([c.std**-2.0 for c in coordinates])
     hessian = jacobian.T @ jacobian + problem.curvature + np.diag(precision + 1e-12)
-    slope = jacobian.T @ value + problem.beside(own.evidence.sizes).sum(axis=0) + precision * x
+    slope = jacobian.T @ value + problem.beside(explanation.evidence.sizes).sum(axis=0) + precision * x
     step = -la.solve(hessian, slope, assume_a="pos")
     moved = replace(
         problem,
@@ -130,6 +136,6 @@ def stepped(
         x + step,
         precision,
         0.5 * float(np.sum(np.log(precision[precision > 0.0]))),
-        found.setting.priors,
+        search.setting.priors,
     )
     return x + step, there

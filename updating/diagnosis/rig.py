@@ -1,4 +1,4 @@
-"""Where the rig may stand otherwise than the files say: clamps some millimetres off."""
+"""Places of the rig that may differ from the files: clamps some millimetres off."""
 
 from __future__ import annotations
 
@@ -77,9 +77,9 @@ def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
             rows = _powers(assembly, field, clamp)
             products: dict[tuple[int, int], sp.csr_matrix] = {}
             # the mass stays positive, for it is that of the square of one displacement with all its powers
-            for (m, one), (n, other) in itertools.product(rows.items(), repeat=2):
+            for (m, first), (n, second) in itertools.product(rows.items(), repeat=2):
                 power = (m[0] + n[0], m[1] + n[1])
-                products[power] = products.get(power, 0.0 * (one.T @ one)) + one.T @ other
+                products[power] = products.get(power, 0.0 * (first.T @ first)) + first.T @ second
             for power, planar in products.items():
                 kron = Kron(row=field, column=field, z=z, planar=planar.tocsr())
                 krons.setdefault(power, []).append(kron)
@@ -87,10 +87,12 @@ def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
             Term(
                 name=f"{name} {power[0]} {power[1]}",
                 target="M",
-                factor=Monomial(exponent={_name(i, other): n for other, n in enumerate(power) if n}),
-                krons=tuple(found),
+                factor=Monomial(
+                    exponent={_name(i, axis_of_power): n for axis_of_power, n in enumerate(power) if n}
+                ),
+                krons=tuple(krons_of_power),
             )
-            for power, found in krons.items()
+            for power, krons_of_power in krons.items()
             if (power[1] > 0 if axis == 1 else power[0] > 0 == power[1])
         )
 

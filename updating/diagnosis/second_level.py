@@ -1,4 +1,4 @@
-"""What a second force level would show of contact that slips, where a test has one level alone."""
+"""What a second force level would show of slip in the contact, for a test with one level."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ FORCE = 3.0
 _DRIFT = 2e-4  # of a frequency, by which tests on one day differ
 
 
-def second_level(model: StackModel, own: Explanation) -> float | None:
+def second_level(model: StackModel, explanation: Explanation) -> float | None:
     """Return by how many standard deviations usual slip would move frequencies at three times the force.
 
-    What the amplitude of a test at one level is, nobody knows: the first is taken to shear the contact by the strain at
-    which the effect's strength is stated. Slip grows with the amplitude and thus somewhat less than with the force; a
-    frequency that is measured twice differs by noise and drift.
+    The amplitude of a test at one level is unknown: the first is taken to shear the contact by the strain at which the
+    effect's strength is stated. Slip grows with the amplitude, and thus somewhat less than with the force. A frequency
+    that is measured twice differs by noise and drift.
 
     Parameters
     ----------
     model : StackModel
         Measurement and model.
-    own : Explanation
-        What the stack is taken to be.
+    explanation : Explanation
+        The fit that stands for the stack.
 
     Returns
     -------
@@ -36,10 +36,10 @@ def second_level(model: StackModel, own: Explanation) -> float | None:
     if not model.touching or any(tested.strain is not None for tested in model.tested):
         return None
     values = {p.name: p.nominal for p in EFFECT.parameters}
-    local, moved = model.about(own.coordinates, [own.x]), []
-    contact = [c.name for c in own.coordinates].index("G_f")
-    for c, (state, errors) in enumerate(zip(model.states, own.errors, strict=True)):
-        modal = local.modal(own.x, c)
+    local, moved = model.about(explanation.coordinates, [explanation.x]), []
+    contact = [c.name for c in explanation.coordinates].index("G_f")
+    for c, (state, errors) in enumerate(zip(model.states, explanation.errors, strict=True)):
+        modal = local.modal(explanation.x, c)
         stiffness = modal.stiffness[modal.moves.tolist().index(contact)]  # what the contact holds
         held = np.einsum("ri,ij,rj->r", errors.weight, stiffness, errors.weight) / errors.eigenvalue
         root = [

@@ -1,4 +1,4 @@
-"""What observed displacements change by as their points sit some millimetres from where the files have them."""
+"""Change of observed displacements with the places of their points, some millimetres from those of the files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def place_slopes(system: ReducedSystem, observation: Observation) -> Vector:
     A point at an edge moves inwards only.
     """
     half = np.array([system.stack.length, system.stack.width]) / 2.0
-    found = []
+    slopes = []
     for axis in (0, 1):
         ends = []
         for step in (-_STEP, _STEP):
@@ -28,5 +28,5 @@ def place_slopes(system: ReducedSystem, observation: Observation) -> Vector:
             moved[:, axis] = np.clip(moved[:, axis] + step, -half[axis], half[axis])
             ends.append((moved[:, axis], observe(system, replace(observation, location=moved)).reduced_rows))
         (before, low), (after, high) = ends
-        found.append((high - low) / (after - before)[:, None])
-    return np.stack(found, axis=1)
+        slopes.append((high - low) / (after - before)[:, None])
+    return np.stack(slopes, axis=1)

@@ -96,9 +96,9 @@ def signature(stack: Stack, effect: Effect) -> Signature:
     }
     system = reduce(stack.with_effects(effect), n_mode=22, n_snapshot=5, ranges=ranges)
     grid = observe(system, class_grid(stack))
-    found = [_at(system, effect, pressure, grid) for pressure in PRESSURES]
-    names = found[0][0]
-    columns = [np.array(values) for values in zip(*(values for _, values in found), strict=True)]
+    by_pressure = [_at(system, effect, pressure, grid) for pressure in PRESSURES]
+    names = by_pressure[0][0]
+    columns = [np.array(values) for values in zip(*(values for _, values in by_pressure), strict=True)]
     return Signature(
         effect=effect.name,
         strength=strength,
@@ -147,24 +147,27 @@ def _chosen(stack: Stack, base: Modes) -> tuple[tuple[str, ...], NDArray[np.intp
     return tuple(f"mode {r + 1}" for r in range(_LEAST)), np.arange(_LEAST)
 
 
-def signature_figure(found: Signature) -> Figure:
+def signature_figure(effect_signature: Signature) -> Figure:
     """Draw the changes of frequencies and damping ratios as bars, one group a mode, one bar a pressure."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 2.6), layout="constrained")
-    width = 0.8 / found.pressure.size
+    width = 0.8 / effect_signature.pressure.size
     drawn = {
-        "frequency [%]": 100.0 * found.frequency_change,
-        "damping ratio [% points]": 100.0 * found.damping_change,
+        "frequency [%]": 100.0 * effect_signature.frequency_change,
+        "damping ratio [% points]": 100.0 * effect_signature.damping_change,
     }
     for axes, (label, change) in zip(figure.subplots(1, 2), drawn.items(), strict=True):
-        for i, (pressure, values) in enumerate(zip(found.pressure, change, strict=True)):
-            place = np.arange(len(found.mode)) + (i - (found.pressure.size - 1) / 2.0) * width
+        for i, (pressure, values) in enumerate(zip(effect_signature.pressure, change, strict=True)):
+            place = (
+                np.arange(len(effect_signature.mode))
+                + (i - (effect_signature.pressure.size - 1) / 2.0) * width
+            )
             axes.bar(place, values, width, label=f"{pressure / 1e3:g} kPa", color=("0.35", "#b3341f")[i % 2])
         axes.axhline(0.0, color="black", linewidth=0.6)
-        axes.set_xticks(range(len(found.mode)), found.mode)
+        axes.set_xticks(range(len(effect_signature.mode)), effect_signature.mode)
         axes.set_title(f"change of {label}", fontsize=9)
     figure.axes[0].legend(fontsize=8, frameon=False)
-    values = ", ".join(f"{name} = {value:g}" for name, value in found.strength.items())
-    figure.suptitle(f"{found.effect}: {values}", fontsize=9)
+    values = ", ".join(f"{name} = {value:g}" for name, value in effect_signature.strength.items())
+    figure.suptitle(f"{effect_signature.effect}: {values}", fontsize=9)
     return figure

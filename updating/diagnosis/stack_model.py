@@ -109,20 +109,20 @@ class StackModel:
         self._seen: dict[int, tuple[Vector, Vector]] = {} if like is None else like._seen
         self.measured = tuple(
             StackState(
-                state=state_of(own, touching=self.stack.n_lamina > 1),
-                parameter={"pressure": own.pressure, **own.known},
-                assembled=own.assembled,
+                state=state_of(configuration, touching=self.stack.n_lamina > 1),
+                parameter={"pressure": configuration.pressure, **configuration.known},
+                assembled=configuration.assembled,
                 rows=self._rows(points)[0],
                 slope=self._rows(points)[1],
-                sensor=own.modes.sensor,
-                strain=own.strain,
+                sensor=configuration.modes.sensor,
+                strain=configuration.strain,
             )
-            for own, points in zip(tested, observation, strict=True)
+            for configuration, points in zip(tested, observation, strict=True)
         )
-        self.states = tuple(own.state for own in self.measured)
-        lowest = min(float(own.frequency.min()) for own in self.states)
+        self.states = tuple(measured.state for measured in self.measured)
+        lowest = min(float(state.frequency.min()) for state in self.states)
         self.rigid = min(RIGID, (2.0 * np.pi * _BELOW * lowest) ** 2)
-        self.n_gain = n_gain([own.sensor for own in self.measured])
+        self.n_gain = n_gain([measured.sensor for measured in self.measured])
         self.dimensions = tuple(candidates.resized)
         self.places = candidates.places
         everywhere = {**self.equations.theta, OMEGA: 2.0 * np.pi * _MIDDLE}
@@ -180,9 +180,9 @@ class StackModel:
         value = la.eigh(
             self.equations.matrix("K", theta), self.equations.matrix("M", theta), eigvals_only=True
         )
-        top = above * max(float(own.frequency.max()) for own in self.states)
+        top = above * max(float(state.frequency.max()) for state in self.states)
         rigid = int(np.count_nonzero(value < self.rigid))
-        most = max(own.frequency.size for own in self.states)
+        most = max(state.frequency.size for state in self.states)
         return max(int(np.count_nonzero(value < (2.0 * np.pi * top) ** 2)), rigid + most + spare)
 
     @property
@@ -195,10 +195,10 @@ class StackModel:
         """Coordinates of the base model."""
         s, contact = self.scatter, self.stack.contact
         start = np.log(D_F_START / contact.d_f) if contact.d_f > 0.0 else 0.0
-        found = []
+        coordinates = []
         if self.touching:
             low, high = np.log(np.array(G_F_RANGE) / contact.G_f).tolist()
-            found += [
+            coordinates += [
                 Coordinate(name="G_f", std=np.inf, lower=low, upper=high, step=0.1, longest=0.4),
                 Coordinate(
                     name="d_f",
@@ -212,22 +212,22 @@ class StackModel:
         def known(name: str, std: float, step: float) -> Coordinate:
             return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=step)
 
-        found += [known("young", s.young, 0.02), known("density", s.density, 0.01)]
+        coordinates += [known("young", s.young, 0.02), known("density", s.density, 0.01)]
         if self.touching:
-            found.append(known("normal_modulus", s.normal_modulus, 0.3))
-        found += [known(name, s.clamp_place, 3e-3) for name in self.places]
-        found += [known(name, getattr(s, name), 2e-3) for name in self.dimensions]
-        found += [known(f"gain[sensor {i + 2}]", s.gain, 0.01) for i in range(self.n_gain)]
-        found.append(known(POINTS_SHIFT, s.points_shift, 1e-3))
-        found.append(known(DECAY, 1e-3, 1e-3))
-        names = tuple(dict.fromkeys(own.assembled for own in self.measured))
+            coordinates.append(known("normal_modulus", s.normal_modulus, 0.3))
+        coordinates += [known(name, s.clamp_place, 3e-3) for name in self.places]
+        coordinates += [known(name, getattr(s, name), 2e-3) for name in self.dimensions]
+        coordinates += [known(f"gain[sensor {i + 2}]", s.gain, 0.01) for i in range(self.n_gain)]
+        coordinates.append(known(POINTS_SHIFT, s.points_shift, 1e-3))
+        coordinates.append(known(DECAY, 1e-3, 1e-3))
+        names = tuple(dict.fromkeys(state.assembled for state in self.measured))
         if len(names) > 1 and self.touching:
-            found += [
+            coordinates += [
                 Coordinate(name=f"{what}[{name}]", std=std, step=std, longest=0.4)
                 for what, std in (("G_f", s.stiffness), ("d_f", s.loss))
                 for name in names
             ]
-        return self.settings.of_stack(found, self.stack)
+        return self.settings.of_stack(coordinates, self.stack)
 
     @cached_property
     def terms(self) -> dict[str, Term]:
@@ -244,7 +244,7 @@ class StackModel:
     def hypotheses(self) -> dict[str, dict[str, float]]:
         """What may have been stated or measured wrongly: of each, the nuisances whose prior it widens."""
         known = [c.name for c in self.nuisances]
-        found = {
+        by_name = {
             name: {c: std for c in known if c.startswith(which)}
             for name, (which, std) in (
                 (STATED_PRESSURE, ("G_f[", PRESSURE)),
@@ -255,21 +255,21 @@ class StackModel:
                 (WINDOW, (DECAY, FALL)),
             )
         }
-        return {name: frees for name, frees in found.items() if frees and (name != WINDOW or self.touching)}
+        return {name: frees for name, frees in by_name.items() if frees and (name != WINDOW or self.touching)}
 
     @property
     def labels(self) -> dict[str, str]:
-        """What a person calls each effect and hypothesis."""
-        own = {name: effect.label for name, effect in self.effects.items()}
-        return own | {name: LABELS[name] for name in self.hypotheses}
+        """Plain name of each effect and hypothesis."""
+        of_effects = {name: effect.label for name, effect in self.effects.items()}
+        return of_effects | {name: LABELS[name] for name in self.hypotheses}
 
     def unit(self, nuisance: str) -> str:
         """Return the unit of a nuisance: m of places, 1/s of a decay, 1 where it is the logarithm of a ratio."""
         return "m" if nuisance in (*self.places, POINTS_SHIFT) else "1/s" if nuisance == DECAY else "1"
 
-    def moved(self, own: Explanation) -> tuple[Moved, ...]:
+    def moved(self, explanation: Explanation) -> tuple[Moved, ...]:
         """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""
-        return moved(self.stack, own)
+        return moved(self.stack, explanation)
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
@@ -278,11 +278,12 @@ class StackModel:
 
     def theta(self, at: Mapping[str, float], state: int) -> tuple[dict[str, float], dict[str, float]]:
         """Return the model's parameters in a state at coordinates by name, and their derivatives by coordinates."""
-        own, contact = self.measured[state], self.stack.contact
-        theta = {**self.equations.theta, **own.parameter}
+        measured, contact = self.measured[state], self.stack.contact
+        theta = {**self.equations.theta, **measured.parameter}
         slope = {}
-        G_f = contact.G_f * np.exp(at.get("G_f", 0.0) + at.get(f"G_f[{own.assembled}]", 0.0))
-        d_f = (contact.d_f or D_F_START) * np.exp(at.get("d_f", 0.0) + at.get(f"d_f[{own.assembled}]", 0.0))
+        G_f = contact.G_f * np.exp(at.get("G_f", 0.0) + at.get(f"G_f[{measured.assembled}]", 0.0))
+        log_d_f = at.get("d_f", 0.0) + at.get(f"d_f[{measured.assembled}]", 0.0)
+        d_f = (contact.d_f or D_F_START) * np.exp(log_d_f)
         theta["G_f"], theta["d_f"], theta[OMEGA] = float(G_f), float(d_f), 2.0 * np.pi * _MIDDLE
         for name in RATIOS:
             theta[name] = float(np.exp(at.get(name, 0.0)))
@@ -325,18 +326,19 @@ class StackModel:
         """
         contact, key = self._nearby(theta)
         if (name, key) not in self._resized:
-            other: ReducedEquations = self.candidates.resized[name]
-            k, ratio = other.size, np.log(getattr(other.stack, name) / getattr(self.stack, name))
-            free = [t for t in other.terms if not t.name.startswith("support")]
+            resized_stack: ReducedEquations = self.candidates.resized[name]
+            k = resized_stack.size
+            ratio = np.log(getattr(resized_stack.stack, name) / getattr(self.stack, name))
+            free = [t for t in resized_stack.terms if not t.name.startswith("support")]
             plain = {t.name for t in free}
-            resized = replace(other, terms=tuple(free))
+            resized = replace(resized_stack, terms=tuple(free))
             base = replace(self.equations, terms=tuple(t for t in self.equations.terms if t.name in plain))
-            found: dict[str, Vector] = {}
+            derivatives: dict[str, Vector] = {}
             for target in ENERGIES:
                 change = np.zeros((self.equations.size, self.equations.size))
                 change[:k, :k] = resized.matrix(target, contact) - base.matrix(target, contact)[:k, :k]
-                found[target] = change / ratio
-            self._resized[name, key] = found
+                derivatives[target] = change / ratio
+            self._resized[name, key] = derivatives
         return self._resized[name, key]
 
     def _nearby(self, theta: Mapping[str, float]) -> tuple[dict[str, float], tuple[int, ...]]:
@@ -381,5 +383,5 @@ def state_of(tested: Tested, *, touching: bool) -> State:
 
 def n_gain(sensors: Sequence[NDArray[np.int64]], *, places: int = 4) -> int:
     """Return how many roving accelerometers have a gain beside the first's; with few places each it is scatter."""
-    number = max(int(own.max()) + 1 for own in sensors)
-    return number - 1 if min(own.size for own in sensors) >= places * number else 0
+    number = max(int(indices.max()) + 1 for indices in sensors)
+    return number - 1 if min(indices.size for indices in sensors) >= places * number else 0

@@ -30,7 +30,7 @@ RIGID = (2.0 * np.pi * 20.0) ** 2
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """A term: its factor, the parameters of that which move, and the strengths without which nothing of it is left."""
+    """A term: its factor, the parameters of the factor that move, and the strengths without which it vanishes."""
 
     target: Target
     factor: ParameterFactor
@@ -88,17 +88,17 @@ class StackNear:
         """Set the parts with their matrices in one array for each target."""
         self.parts = parts
         self.of_target = {t: [p for p in parts if p.target == t] for t in "KMC"}
-        self.stacked = {t: np.array([p.matrix for p in own]) for t, own in self.of_target.items()}
+        self.stacked = {t: np.array([p.matrix for p in parts_of]) for t, parts_of in self.of_target.items()}
         self._moved = {n for t in ENERGIES for p in self.of_target[t] for n in p.names & self.moving}
 
     def _placed(
         self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
     ) -> list[dict[tuple[str, Target], list[Matrix]]]:
         """Return the derivatives of K and M by each place in each state, where there are any, each as a sum."""
-        found = list[dict[tuple[str, Target], list[Matrix]]]()
+        by_state = list[dict[tuple[str, Target], list[Matrix]]]()
         made: dict[tuple[str, Target, tuple[float, ...]], list[Matrix]] = {}
         for theta in thetas:
-            found.append({})
+            by_state.append({})
             for name, target in itertools.product(self.near, ENERGIES):
                 acting = [t for t, names in terms if name in names and t.target == target]
                 derivative = tuple(t.factor.derivative(theta, name) for t in acting)
@@ -108,8 +108,8 @@ class StackNear:
                             self.whole.equations.size,
                             ((d, t.matrix) for d, t in zip(derivative, acting, strict=True) if d),
                         )
-                    found[-1][name, target] = made[name, target, derivative]
-        return found
+                    by_state[-1][name, target] = made[name, target, derivative]
+        return by_state
 
     def _basis(
         self,
@@ -118,7 +118,7 @@ class StackNear:
         step: Mapping[str, float],
         elsewhere: Sequence[Mapping[str, float]],
     ) -> None:
-        """Choose the basis: modes at every point, and how the lowest answer to each coordinate that moves."""
+        """Choose the basis: modes at every point, and responses of the lowest to each coordinate that moves."""
         whole, blocks, n_basis = self.whole, list[Vector](), self.n_equation + N_FURTHER
         of = list[str]()  # the coordinate of each vector
         reference, n_state = None, len(whole.measured)
@@ -167,13 +167,13 @@ class StackNear:
                                 image = -image * value[: self.n_equation] if term.target == "M" else image
                             force[name, i] = force.get((name, i), 0.0) + derivative * image
             for (name, target), matrices in self._by_place[state].items():
-                image = np.sum([times(own, low) for own in matrices], axis=0)
+                image = np.sum([times(matrix, low) for matrix in matrices], axis=0)
                 image = -image * value[: self.n_equation] if target == "M" else image
                 force[name, 0] = force.get((name, 0), 0.0) + image
             answering = [
-                (name, own, step[name] * slope.get(name, 1.0))
-                for (name, i), own in force.items()
-                if not (i and (name, 0) in force and parallel(own, force[name, 0]))
+                (name, image, step[name] * slope.get(name, 1.0))
+                for (name, i), image in force.items()
+                if not (i and (name, 0) in force and parallel(image, force[name, 0]))
             ]
             if c < n_state:
                 answering += [
@@ -181,7 +181,7 @@ class StackNear:
                     for name in self.sized
                 ]
             if answering:
-                forces = np.hstack([own * (small / np.sqrt(lam)) for _, own, small in answering])
+                forces = np.hstack([image * (small / np.sqrt(lam)) for _, image, small in answering])
                 blocks.append(beyond @ ((beyond.T @ forces) / np.tile(below, len(answering))))
                 of += [name for name, *_ in answering for _ in lam]
             if c < n_state:
@@ -189,13 +189,13 @@ class StackNear:
                 self.mesh.append(finer)
                 self._inertia.append(inertia)
         assert reference is not None
-        every = np.hstack(blocks)
-        weighed = reference.T @ every
+        vectors = np.hstack(blocks)
+        weighed = reference.T @ vectors
         self.basis = leading(weighed @ weighed.T, reference, first_mass)
         self.size = self.basis.shape[1]
         held = reference.T @ self.basis
         self._responses: Responses | None = Responses(
-            every=every,
+            vectors=vectors,
             within=self.basis.T @ first_mass,
             of=np.array(of),
             energy=la.cholesky(held.T @ held, lower=True),
@@ -209,7 +209,7 @@ class StackNear:
     def _parts(
         self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
     ) -> None:
-        """Project the terms: exact ones by their factor, what moves little as derivatives about the first point."""
+        """Project the terms: exact ones with their factor, places and dimensions as derivatives at the first point."""
         projected: dict[int, Vector] = {}
 
         def project(matrix: Matrix) -> Vector:
@@ -219,11 +219,11 @@ class StackNear:
 
         n = self.size
         neutral = [self.whole.theta(dict.fromkeys(self.names, 0.0), c)[0] for c in range(len(thetas))]
-        points = [(own, generic(own, self.moving)) for own in neutral]
+        points = [(at_neutral, generic(at_neutral, self.moving)) for at_neutral in neutral]
         strengths = frozenset(name for name, p in self.whole.parameters.items() if not p.is_location)
 
         def needed(factor: ParameterFactor, name: str) -> bool:
-            return not any(factor({**anywhere, name: own[name]}) for own, anywhere in points)
+            return not any(factor({**anywhere, name: at_neutral[name]}) for at_neutral, anywhere in points)
 
         parts = [
             _Part(
@@ -257,8 +257,8 @@ class StackNear:
         self.fixed = fixed
         del self._whole_matrices, self._by_place, self._inertia
         self._stack(parts)
-        self.rows = [own.rows @ self.basis for own in self.whole.measured]
-        self.slopes = [own.slope @ self.basis for own in self.whole.measured]
+        self.rows = [measured.rows @ self.basis for measured in self.whole.measured]
+        self.slopes = [measured.slope @ self.basis for measured in self.whole.measured]
 
     def of(self, coordinates: Sequence[Coordinate]) -> StackNear:
         """Return the same for some of the coordinates, on as much smaller a basis; the others stay where neutral."""
@@ -266,7 +266,7 @@ class StackNear:
         part.names = [c.name for c in coordinates]
         part.at = {name: i for i, name in enumerate(part.names)}
         part.far = [n for n in self.far if n in part.at]
-        part.near, part.sized = ([n for n in own if n in part.at] for own in (self.near, self.sized))
+        part.near, part.sized = ([n for n in names if n in part.at] for names in (self.near, self.sized))
         part.moving = frozenset(part.far)
         neutral = [self.whole.theta(dict.fromkeys(part.names, 0.0), c)[0] for c in range(len(self.rows))]
         moving = part.moving | {OMEGA}
@@ -297,8 +297,8 @@ class StackNear:
             self.linear[t] = small
         self._stack([replace(p, matrix=projected(p.matrix)) for p in self.parts])
         self.basis, self.size = self.basis @ basis, basis.shape[1]
-        self.rows = [own @ basis for own in self.rows]
-        self.slopes = [own @ basis for own in self.slopes]
+        self.rows = [rows @ basis for rows in self.rows]
+        self.slopes = [slope @ basis for slope in self.slopes]
         self._responses = None
 
     def measured_as(self, whole: Whole) -> StackNear:
@@ -313,13 +313,13 @@ class StackNear:
         """Return the model of a state at coordinates; `solved` is what that returns there, where it is known."""
         at = dict(zip(self.names, x.tolist(), strict=True))
         theta, slope = self.whole.theta(at, state)
-        value, every, matrix = solved or self.solved(x, state)
-        vector, beyond = every[:, : self.n_equation], value[self.n_equation :]
+        value, vectors, matrix = solved or self.solved(x, state)
+        vector, beyond = vectors[:, : self.n_equation], value[self.n_equation :]
         value = value[: self.n_equation]
         n_rigid = int(np.count_nonzero(value < self.whole.rigid))
         value[:n_rigid] = 0.0
-        between = self._between(every)
-        moves, stiffness, mass = self._moves(theta, slope, state, every, between)
+        between = self._between(vectors)
+        moves, stiffness, mass = self._moves(theta, slope, state, vectors, between)
         damping, damps = self._losses(theta, slope, state, vector, matrix["C"])
         if DECAY in self.at:
             inertia = vector.T @ matrix["M"] @ vector
@@ -355,7 +355,7 @@ class StackNear:
             stiffness=stiffness[:, : self.n_equation],
             mass=mass[:, : self.n_equation],
             beyond=beyond,
-            beyond_rows=self._gained(at, state)[:, None] * (self.rows[state] @ every[:, self.n_equation :]),
+            beyond_rows=self._gained(at, state)[:, None] * (self.rows[state] @ vectors[:, self.n_equation :]),
             beyond_stiffness=stiffness[:, self.n_equation :],
             beyond_mass=mass[:, self.n_equation :],
             damping=damping,
@@ -370,17 +370,17 @@ class StackNear:
             of_mode_change=np.array([of_mode_change[i] for i in sorted(of_mode_change)]),
         )
 
-    def _between(self, every: Vector) -> dict[str, Vector]:
+    def _between(self, vectors: Vector) -> dict[str, Vector]:
         """Return the terms of K and M between all modes and those in equations, (n_part, size, n_equation)."""
-        low = every[:, : self.n_equation]
-        return {t: every.T @ (self.stacked[t] @ low) if self.of_target[t] else np.zeros(0) for t in "KM"}
+        low = vectors[:, : self.n_equation]
+        return {t: vectors.T @ (self.stacked[t] @ low) if self.of_target[t] else np.zeros(0) for t in "KM"}
 
     def solved(self, x: Vector, state: int) -> tuple[Vector, Vector, dict[str, Vector]]:
         """Return all eigenvalues and modes of the local equations at coordinates, and K, M and C."""
         at = dict(zip(self.names, x.tolist(), strict=True))
         matrix = self._matrices(at, self.whole.theta(at, state)[0], state)
-        value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
-        return value, every, matrix
+        value, vectors = la.eigh(matrix["K"], matrix["M"], check_finite=False)
+        return value, vectors, matrix
 
     def screen(self, x: Vector, state: int) -> StackScreen:
         """Return a state at a point with every term between the modes there."""
@@ -389,7 +389,7 @@ class StackNear:
     def _matrices(self, at: Mapping[str, float], theta: Mapping[str, float], state: int) -> dict[str, Vector]:
         """Return K, M and C of a state; dimensions act from the nominal ones, places from those of the first point."""
         moved = np.array([*(at[n] - self.first[n] for n in self.near), *(at[n] for n in self.sized)])
-        found = {}
+        matrices = {}
         for target in "KMC":
             total = self.fixed[target][state]
             if self.of_target[target]:
@@ -397,8 +397,8 @@ class StackNear:
                 total = total + np.tensordot(factor, self.stacked[target], 1)
             if target != "C" and moved.size:
                 total = total + np.tensordot(moved, self.linear[target][state], 1)
-            found[target] = total
-        return found
+            matrices[target] = total
+        return matrices
 
     def _columns(self, name: str, state: int) -> list[int]:
         """Return the coordinates by which a parameter of a state moves: the shared one and the state's."""
@@ -410,7 +410,7 @@ class StackNear:
         theta: Mapping[str, float],
         slope: Mapping[str, float],
         state: int,
-        every: Vector,
+        vectors: Vector,
         between: Mapping[str, Vector],
     ) -> tuple[NDArray[np.intp], Vector, Vector]:
         """Return the coordinates that move K or M, and the derivatives between all modes and the lowest by these.
@@ -420,7 +420,7 @@ class StackNear:
         columns = {n: self._columns(n, state) for n in self.far}
         linear = [self.at[n] for n in (*self.near, *self.sized)]
         moves = sorted({*linear, *(i for n in self._moved for i in columns[n])})
-        row, found = {i: k for k, i in enumerate(moves)}, list[Vector]()
+        row, derivatives = {i: k for k, i in enumerate(moves)}, list[Vector]()
         for target in ENERGIES:
             parts = self.of_target[target]
             weight = np.zeros((len(moves), len(parts)))
@@ -433,11 +433,11 @@ class StackNear:
             if parts:
                 change += np.tensordot(weight, between[target], 1)
             if linear:
-                change[[row[i] for i in linear]] += every.T @ (
-                    self.linear[target][state] @ every[:, : self.n_equation]
+                change[[row[i] for i in linear]] += vectors.T @ (
+                    self.linear[target][state] @ vectors[:, : self.n_equation]
                 )
-            found.append(change)
-        return np.array(moves, dtype=np.intp), found[0], found[1]
+            derivatives.append(change)
+        return np.array(moves, dtype=np.intp), derivatives[0], derivatives[1]
 
     def _losses(
         self,
@@ -452,15 +452,15 @@ class StackNear:
         damping, damps = (vector.T @ matrix @ vector)[None], dict[int, Vector]()
         if not parts:
             return damping, damps
-        each = self._at_modes(theta, state)
+        at_modes = self._at_modes(theta, state)
         for p, block in zip(parts, vector.T @ (self.stacked["C"] @ vector), strict=True):
             slow = OMEGA in p.names
             if slow:
-                away = np.array([p.factor(t) for t in each]) - p.factor(theta)
+                away = np.array([p.factor(t) for t in at_modes]) - p.factor(theta)
                 damping = damping + away[:, None, None] * block
             for name in sorted(p.names & self.moving):
                 rate = (
-                    np.array([p.factor.derivative(t, name) for t in (each if slow else [theta])])
+                    np.array([p.factor.derivative(t, name) for t in (at_modes if slow else [theta])])
                     * slope[name]
                 )
                 for i in self._columns(name, state):
@@ -484,26 +484,26 @@ class StackNear:
         As (n_measured, n_equation, n_equation), None where nothing depends on frequency; derivatives by coordinate. A
         mass that depends on it counts as minus omega_r**2 times its change.
         """
-        found, changes = None, dict[int, Vector]()
-        each = self._at_modes(theta, state)
-        inertia = -np.array([at[OMEGA] ** 2 for at in each])
-        for target, scale in (("K", np.ones(len(each))), ("M", inertia)):
+        stiffness, changes = None, dict[int, Vector]()
+        at_modes = self._at_modes(theta, state)
+        inertia = -np.array([at[OMEGA] ** 2 for at in at_modes])
+        for target, scale in (("K", np.ones(len(at_modes))), ("M", inertia)):
             for p, block in zip(self.of_target[target], between[target], strict=True):
                 if OMEGA not in p.names:
                     continue
                 square = block[: self.n_equation]
-                away = scale * (np.array([p.factor(t) for t in each]) - p.factor(theta))
+                away = scale * (np.array([p.factor(t) for t in at_modes]) - p.factor(theta))
                 if np.any(away):
                     change = away[:, None, None] * square
-                    found = change if found is None else found + change
+                    stiffness = change if stiffness is None else stiffness + change
                 for name in sorted(p.names & self.moving):
                     here = p.factor.derivative(theta, name)
-                    rate = scale * (np.array([p.factor.derivative(t, name) for t in each]) - here)
+                    rate = scale * (np.array([p.factor.derivative(t, name) for t in at_modes]) - here)
                     if np.any(rate):
                         for i in self._columns(name, state):
                             change = (rate * slope[name])[:, None, None] * square
                             changes[i] = changes[i] + change if i in changes else change
-        return found, changes
+        return stiffness, changes
 
     def _slipping(
         self, at: Mapping[str, float], state: int, *, step: float = 1e-3
@@ -536,7 +536,7 @@ class StackNear:
         self, at: Mapping[str, float], vector: Vector, state: int
     ) -> tuple[Vector, list[int], list[Vector]]:
         """Return the modes at the sensors, with their gains, and the derivatives by gains and a shift of all points."""
-        own = self.whole.measured[state]
+        measured = self.whole.measured[state]
         rows, looks, changes = self.rows[state] @ vector, [], []
         gain = self._gained(at, state)
         slope = self.slopes[state] @ vector
@@ -547,7 +547,7 @@ class StackNear:
             changes.append(gain[:, None] * slope)
         for i in range(self.whole.n_gain):
             looks.append(self.at[f"gain[sensor {i + 2}]"])
-            changes.append((own.sensor == i + 1)[:, None] * rows)
+            changes.append((measured.sensor == i + 1)[:, None] * rows)
         return rows, looks, changes
 
     def _gained(self, at: Mapping[str, float], state: int) -> Vector:

@@ -57,15 +57,15 @@ class StackScreen:
     def __init__(self, near: Near, x: Vector, state: int) -> None:
         self.near, self.x, self.state = near, x, state
         solved = near.solved(x, state)
-        self.modal, every = near.modal(x, state, solved), solved[1]
+        self.modal, vectors = near.modal(x, state, solved), solved[1]
         m = near.n_equation
         self._blocks, self._beyond = dict[str, Vector](), dict[str, Vector]()
         for t in "KMC":
             if near.of_target[t]:
-                whole = near.stacked[t] @ (every if t != "C" else every[:, :m])
-                self._blocks[t] = (every if t != "C" else every[:, :m]).T @ whole[:, :, :m]
+                whole = near.stacked[t] @ (vectors if t != "C" else vectors[:, :m])
+                self._blocks[t] = (vectors if t != "C" else vectors[:, :m]).T @ whole[:, :, :m]
                 if t != "C":
-                    self._beyond[t] = np.einsum("ib,pib->pb", every[:, m:], whole[:, :, m:])
+                    self._beyond[t] = np.einsum("ib,pib->pb", vectors[:, m:], whole[:, :, m:])
         self._here = near.whole.theta(dict(zip(near.names, x.tolist(), strict=True)), state)[0]
         self._factors: dict[int, Vector] = {}
         self._by_name: dict[tuple[str, Target], list[int]] = {}
@@ -109,14 +109,14 @@ class StackScreen:
             slow = [OMEGA in p.names for p in parts]
             n = len(at_modes) if any(slow) else 1
             weight = np.zeros((1 + len(moved), n, len(parts)))  # of each part, and its derivatives
-            for i, (p, each) in enumerate(zip(parts, slow, strict=True)):
-                points, here = at_modes if each else [theta], self._factor(p, each)
+            for i, (p, depends_on_omega) in enumerate(zip(parts, slow, strict=True)):
+                points, here = at_modes if depends_on_omega else [theta], self._factor(p, depends_on_omega)
                 weight[0, :, i] = [p.factor(at) for at in points] - here
                 for k, name in enumerate(near.names[j] for j in moved):
                     if name in p.names:
                         weight[1 + k, :, i] = [p.factor.derivative(at, name) * slope[name] for at in points]
-            every = [np.tensordot(weight, own[acting], 1) for own in blocks]
-            return [(own[0], own[1:]) for own in every]
+            sums = [np.tensordot(weight, block[acting], 1) for block in blocks]
+            return [(block[0], block[1:]) for block in sums]
 
         none = np.zeros((0, near.size, near.n_equation))
         (stiffness, far), (mass, heavy) = (
