@@ -153,7 +153,7 @@ class ModeError:
 
 @dataclass(frozen=True, kw_only=True)
 class Pulled:
-    """A nuisance that the answer needs far from what is known of it.
+    """A nuisance that is pulled from its prior by the answer.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class Diagnosis(Shown):
     too_large : tuple of str
         Kinds of data in which that is more than a right model leaves.
     mixed_up : tuple of MixedUp
-        Points of the measurement that were mixed up, and were put right.
+        Points of the measurement that were mixed up, and were corrected.
     strained : tuple of Pulled
         Nuisances that are far off with the first of the set, or the base model.
     moved : tuple of Moved

@@ -1,4 +1,4 @@
-"""What an answer says of any model: the explanations that a search leaves, ranked, and what they rest on."""
+"""The answer for any model: the explanations that remain after a search, ranked, and the modes they rest on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from updating.inference.search import Search
 
 _LOG = logging.getLogger(__name__)
 
-_SHOWN = 8  # single effects whose changes are told mode by mode
+_SHOWN = 8  # single effects whose changes are listed mode by mode
 
 
 def answer_of(

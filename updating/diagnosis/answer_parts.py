@@ -84,7 +84,7 @@ class NextTest:
 
 @dataclass(frozen=True, kw_only=True)
 class PointChange:
-    """The change at a single point that explains most of what a model leaves, by a linear step.
+    """The change at a single point that explains most of what a model leaves unexplained, by a linear step.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class PointChange:
     size : float
         How much of it, kg or N/m; negative where the model has too much.
     log_odds : float
-        Logarithm of the odds that it brings, the number of points counted.
+        Logarithm of its odds, the number of points counted.
     """
 
     beside: tuple[str, ...]

@@ -154,7 +154,7 @@ def searched(
     asked: Sequence[Sequence[str]] = (),
     settings: FitSettings = FitSettings(),  # noqa: B008  # it is frozen
 ) -> tuple[StackModel, Search, tuple[MixedUp, ...]]:
-    """Return the model, all that was fitted, and the points of the measurement that were put right first.
+    """Return the model, all that was fitted, and the points of the measurement that were corrected first.
 
     `settings` is what is known of parameters of the base model beforehand.
     """

@@ -1,8 +1,8 @@
 """Points of a measurement that were mixed up: two exchanged, or one whose sensor was turned over or misread.
 
 Each changes a few components of all measured shapes, and moves these out of the space of the model's modes by more than
-any model is off by. Each is tried, for one configuration and for all, and the data are put right where that makes them
-far more likely.
+the error of any model. Each is tried, for one configuration and for all, and the data are corrected where that makes
+them far more likely.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from updating.inference.search import Search, begin, search
 Vector = NDArray[np.float64]
 
 MOST = 4
-"""Such errors that are put right in one measurement."""
+"""Most such errors that are corrected in one measurement."""
 _FREE = 8.0
-"""Fall of the misfit that a factor must bring beside what is asked of all, for it is fitted: it is known to some per
-mille, and was anything from a tenth to ten."""
+"""Fall of the misfit that a factor must reach beyond that of the other errors, because it is fitted: it is known to
+some per mille, and could be anything from a tenth to ten."""
 _LEAST = 0.03  # logarithm of a factor that is an error and no calibration
 _WIDEST = 20.0  # largest factor
 
@@ -46,7 +46,7 @@ def search_corrected(
     priors: tuple[SizePrior, SizePrior],
     asked: Sequence[Sequence[str]] = (),
 ) -> tuple[M, Search, tuple[MixedUp, ...]]:
-    """Put right the points that were mixed up, and search for what is missing.
+    """Correct the points that were mixed up, and search for what is missing.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def search_corrected(
     Returns
     -------
     model, search, mixed_up
-        The model of what was put right, all that was fitted, and what was put right.
+        The model of the corrected configurations, all that was fitted, and the corrections.
     """
     corrections: list[MixedUp] = []
 
@@ -78,9 +78,7 @@ def search_corrected(
             break
         again = begun(right)
         refitted = explain(again[0], [], common, again[3].x)
-        if (
-            refitted.log_evidence - base.log_evidence < MIXED_UP
-        ):  # it does not bear out what first order promised
+        if refitted.log_evidence - base.log_evidence < MIXED_UP:  # the fit does not confirm the first order
             break
         tested, (model, starts, common, base) = right, again
         corrections.append(mixed_up)
@@ -95,9 +93,9 @@ def correct(
     tested: Sequence[Tested],
     node: Sequence[NDArray[np.int64]],
 ) -> tuple[tuple[Tested, ...], MixedUp | None]:
-    """Return configurations with the points put right that most likely were mixed up, and which.
+    """Return configurations with the points corrected that most likely were mixed up, and these points.
 
-    They are as they were where no points were.
+    The configurations stay as they are where no points were mixed up.
 
     Parameters
     ----------

@@ -45,9 +45,9 @@ def misstated(p: ParameterEstimate) -> str:
 
 
 def pulled_text(pulled: Sequence[Pulled]) -> list[str]:
-    """Say, each after a word such as beware, what stated would have to be far from what is known of it.
+    """Write a sentence for each nuisance that is pulled from its prior, to follow a word such as beware.
 
-    The contact at two torques that is off in opposite ways is one difference, not two.
+    Two torques whose contact is off in opposite ways give one sentence, on their difference.
     """
     text, left = [], list(pulled)
     for what in _CONTACT:

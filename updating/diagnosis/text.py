@@ -19,7 +19,7 @@ from updating.inference.levels import FALLS, INADEQUATE, NAMED
 from updating.results.text import percent, quantity, together
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
-_LISTED = 3  # explanations that are told in a sentence
+_LISTED = 3  # explanations that are listed in a sentence
 _MOST = 0.5  # share of the misfit from which it is most of it
 _ERRORS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
 _MOST_LEFT = {
@@ -147,7 +147,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
 
 
 def _more(left: Sequence[Sequence[str]]) -> str:
-    """Return how many explanations there are beside those that are told."""
+    """Return how many explanations there are beside those that are listed."""
     return f"; or one of {len(left) - 1 - _LISTED} more" if len(left) > 1 + _LISTED else ""
 
 
@@ -186,7 +186,7 @@ def _change(base: Ranked, explanation: Ranked, start: str) -> str:
 
 
 def _moved(diagnosis: Diagnosis) -> list[str]:
-    """Name what was moved by more than two standard deviations; what is strained has a sentence of its own."""
+    """Name what was moved by more than two standard deviations; what is pulled farther has its own sentence."""
     known = {nuisance.name for nuisance in diagnosis.strained}
     far = [
         moved_text(nuisance)
@@ -201,7 +201,7 @@ def _moved(diagnosis: Diagnosis) -> list[str]:
 
 
 def _stays(base: Ranked, explanation: Ranked) -> bool:
-    """Tell whether no error changes: then what speaks for an explanation is what it relieves."""
+    """Tell whether no error changes: then an explanation is supported by the nuisances that it relieves."""
     pairs = [
         pair
         for kind in _ERRORS
@@ -215,7 +215,7 @@ def _stays(base: Ranked, explanation: Ranked) -> bool:
 
 
 def _as_before(explanation: Ranked) -> str:
-    """Say how well what changes no error meets the data."""
+    """Describe an explanation that changes no error."""
     damping = (
         f" and {percent(explanation.damping_error)} of damping ratios"
         if np.isfinite(explanation.damping_error)
@@ -250,7 +250,7 @@ def _mixed_up(points: MixedUp) -> str:
 
 
 def _way(diagnosis: Diagnosis) -> str:
-    """Say what each of several effects brings."""
+    """Give the gain of each of several effects."""
     parts = []
     for before, after in itertools.pairwise(diagnosis.steps):
         added = [name for name in after.effects if name not in before.effects]
@@ -303,7 +303,7 @@ def _remains(diagnosis: Diagnosis) -> list[str]:
 
 
 def _further(diagnosis: Diagnosis) -> list[str]:
-    """Say what the rest looks like, but is too little of beside what was identified to be named."""
+    """Say what the rest looks like where it is too small, beside what was identified, to be named."""
     reported = {name for effects in diagnosis.set for name in effects}
     further = [name for name in diagnosis.steps[-1].effects if name not in reported]
     if not (diagnosis.set and further):
