@@ -14,7 +14,7 @@ from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
 from model import catalogue, find_effects
 from updating.commands.diagnose import diagnose_campaign
-from updating.commands.fit import LEAST_MAC, Asked, campaign_ledger, fit_campaign
+from updating.commands.fit import LEAST_MAC, LedgerRequest, campaign_ledger, fit_campaign
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
@@ -107,7 +107,7 @@ def demo_command(output: Path) -> None:
     if not answer.set:
         message = f"{campaign}: nothing was named, where lost contact was planted"
         raise FitError(message)
-    entries = campaign_ledger(done, Asked(effects=answer.set[0]), campaign, output)
+    entries = campaign_ledger(done, LedgerRequest(effects=answer.set[0]), campaign, output)
     before, after = entries[0], entries[-1]
     _say(
         f"4. Add it: of modes that were fitted the error falls from {percent(before.error)} to {percent(after.error)}, "

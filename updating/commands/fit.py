@@ -96,8 +96,8 @@ def fit_command(
             fits.append(outcome)
     print_campaign_findings(done)
     if fits and effect:
-        asked = Asked(effects=tuple(effect), effect_files=tuple(effect_file), scatter_file=scatter)
-        OUT.print(ledger_table(campaign_ledger(fits, asked, campaign, output, cluster), known))
+        request = LedgerRequest(effects=tuple(effect), effect_files=tuple(effect_file), scatter_file=scatter)
+        OUT.print(ledger_table(campaign_ledger(fits, request, campaign, output, cluster), known))
     if done:
         OUT.print(f"Report: {commands.make_report(output, keep=keep)}")
     require_none(failed, len(done) + len(failed))
@@ -177,7 +177,7 @@ def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Pat
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class LedgerRequest:
     """Effects that are to be added, with the files that they and what a laboratory knows are in."""
 
     effects: tuple[str, ...]
@@ -187,7 +187,7 @@ class Asked:
 
 def campaign_ledger(
     fits: Sequence[tuple[Identified, ModelFit]],
-    asked: Asked,
+    request: LedgerRequest,
     campaign: Path,
     output: Path,
     cluster: str | None = None,
@@ -200,21 +200,21 @@ def campaign_ledger(
     from updating.commands.diagnose import diagnose_campaign
     from updating.pooled.joint_fit import entry_of
 
-    effects = asked.effects
+    effects = request.effects
     heights = {fitted.stack.height for _, fitted in fits if isinstance(fitted, Fit)}
     if len(heights) < 2:
         together = [*((name,) for name in effects), *([effects] if len(effects) > 1 else [])]
         diagnosis = diagnose_campaign(
-            campaign, output, asked.effect_files, OUT, scatter_file=asked.scatter_file, asked=together
+            campaign, output, request.effect_files, OUT, scatter_file=request.scatter_file, asked=together
         )
         entries = tuple(entry_of(diagnosis.ranked(names)) for names in ((), *together))
     else:
-        added = find_effects(effects, catalogue(asked.effect_files))
+        added = find_effects(effects, catalogue(request.effect_files))
         stacks = [(result, fitted) for result, fitted in fits if isinstance(fitted, Fit)]
         stack = read_stack(model_file(read_campaign(campaign), "a fit"))
         entries = _together(_by_height(stacks, stack, heights), added, cluster)
     modal = (result.folder / "modal_model.json" for result, _ in fits)
-    write_ledger(entries, {"effects": list(effects)}, (campaign, *asked.effect_files, *modal), output)
+    write_ledger(entries, {"effects": list(effects)}, (campaign, *request.effect_files, *modal), output)
     return entries
 
 

@@ -42,7 +42,7 @@ class Classes:
         return self._known[key]
 
     def modes(self, name: str, stack: Stack, wanted: tuple[str, ...], poles: Vector) -> ModalModel:
-        """Return modes that are named by class: the model's shapes of these classes stand for theirs, known so well.
+        """Return modes that are named by class: the model's shapes of these classes stand for theirs.
 
         Parameters
         ----------

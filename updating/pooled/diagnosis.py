@@ -25,7 +25,7 @@ from updating.inference.search import Search
 from updating.pooled.groups import groups_of
 from updating.pooled.parts import part_of
 from updating.pooled.scoped import label_of
-from updating.pooled.search import PooledSearch, asked, begin, searched
+from updating.pooled.search import PooledSearch, begin, fit_terms, searched
 from updating.pooled.specimen import Specimen, levels_of
 from updating.pooled.specimens_model import SpecimensModel
 from updating.pooled.states import Contacts, contrasts_of, far_off, mode_answers
@@ -84,8 +84,8 @@ def diagnose_specimens(
     model, impossible = specimens_model(
         specimens, effects, scatter=scatter, executor=executor, reduced=reduced
     )
-    begun = begin(model, priors_of(scatter or DiagnosisScatter()))
-    return concluded(name, searched(begun), impossible)
+    base_fit = begin(model, priors_of(scatter or DiagnosisScatter()))
+    return concluded(name, searched(base_fit), impossible)
 
 
 @single_threaded
@@ -122,7 +122,7 @@ def fit_specimens(
     if impossible:
         message = "; ".join(impossible.values())
         raise FitError(message)
-    return concluded(name, asked(begin(model), tuple(effects)), impossible, "as asked")
+    return concluded(name, fit_terms(begin(model), tuple(effects)), impossible, "as asked")
 
 
 def specimens_model(
@@ -136,7 +136,7 @@ def specimens_model(
 ) -> tuple[SpecimensModel, dict[str, str]]:
     """Return the model of specimens, and why effects cannot be; see `diagnose_specimens`.
 
-    `settings` is what is known of parameters beforehand.
+    `settings` holds priors, bounds and scopes of parameters.
 
     Raises
     ------

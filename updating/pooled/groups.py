@@ -26,7 +26,7 @@ from updating.workers.workers import distribute
 _LOG = logging.getLogger(__name__)
 
 ALIKE = 0.06
-"""Relative difference of heights up to which specimens share the model of one amid them; the rest is taken to first
+"""Relative difference of heights up to which specimens share the model of the middle one; the rest is taken to first
 order, which is wrong by less than 0.1 % of a frequency."""
 _PLACE = 4  # digits, in m, to which shakers sit at the same place
 

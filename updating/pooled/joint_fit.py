@@ -1,4 +1,4 @@
-"""Several configurations fitted at once, as somebody asks for it: effects, who shares what, what is known beforehand.
+"""Several configurations fitted at once, as a user asks for it: effects, shared parameters and priors.
 
 Of one stack it is the fit of a diagnosis, of several that of a campaign of specimens, with the same numbers.
 """
@@ -34,7 +34,7 @@ from updating.pooled.diagnosis import specimens_model
 from updating.pooled.groups import Group
 from updating.pooled.joint_parts import Fitted, configurations_left_out, damped, joint_answer
 from updating.pooled.parts import estimate_of
-from updating.pooled.search import asked, begin
+from updating.pooled.search import begin, fit_terms
 from updating.pooled.specimen import Specimen
 from updating.pooled.specimens_model import SpecimensModel
 from updating.pooled.states import far_off
@@ -98,12 +98,12 @@ def joint_fit(
         ~np.isin(np.arange(n), list(settings.hold_out.get(label, ())))
         for label, n in zip(labels, n_mode, strict=True)
     ]
-    asked_for = Asked(tuple(effects), dict(effects), settings, tuple(kept))
+    request = FitRequest(tuple(effects), dict(effects), settings, tuple(kept))
     if len(moved) == 1:
         others = catalogue() if known is None else known
-        fitted, ledger = _of_one(moved[0], asked_for, others, levels, executor, reduced)
+        fitted, ledger = _of_one(moved[0], request, others, levels, executor, reduced)
     else:
-        fitted, ledger = _of_several(moved, asked_for, executor, reduced)
+        fitted, ledger = _of_several(moved, request, executor, reduced)
     if not damped(fitted.fit):
         nan = float("nan")
         ledger = tuple(
@@ -114,8 +114,8 @@ def joint_fit(
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """What is fitted, and to what: effects by name, settings, and which modes of each configuration take part."""
+class FitRequest:
+    """What a user asks for: effects by name, settings, and which modes of each configuration take part."""
 
     names: tuple[str, ...]
     effects: dict[str, Effect]
@@ -152,37 +152,39 @@ def _labels(specimens: Sequence[Specimen]) -> list[str]:
 
 def _of_one(
     specimen: Specimen,
-    given: Asked,
+    request: FitRequest,
     known: Mapping[str, Effect],
     levels: Mapping[str, AtLevel] | None,
     executor: Executor | None,
     reduced: Callable[..., CandidateModel],
 ) -> tuple[Fitted, tuple[Entry, ...]]:
     """Fit one stack as a diagnosis does it; settings of effects' parameters apply once these were found."""
-    settings = given.settings
+    settings = request.settings
     candidates, evidence, _ = beside_model(
         specimen.stack,
         specimen.tested,
-        {**known, **given.effects},
+        {**known, **request.effects},
         scatter=settings.scatter,
         executor=executor,
         reduced=reduced,
         levels=levels,
     )
-    _require_possible(given.names, evidence.impossible)
-    used = replace(evidence, tested=given.of(evidence.tested))
-    model, search, _ = searched(candidates, used, given.combinations, settings.of_base)
+    _require_possible(request.names, evidence.impossible)
+    used = replace(evidence, tested=request.of(evidence.tested))
+    model, search, _ = searched(candidates, used, request.combinations, settings.of_base)
     decision = decide(search)
     first = decision.left[0] if decision.left else search.base
-    if settings.tells(given.effects):
-        informed = model.with_effects(settings.effects(given.effects), settings)
+    if settings.tells(request.effects):
+        informed = model.with_effects(settings.effects(request.effects), settings)
         fitted = {
             fit.terms: refit(model, informed, fit, search.setting, settings)
-            for fit in (search.fitted[frozenset(names)] for names in given.combinations)
+            for fit in (search.fitted[frozenset(names)] for names in request.combinations)
         }
         model, search = informed, replace(search, fitted={frozenset(n): fit for n, fit in fitted.items()})
     ranking = {row.effects: row for row in rank(model, search, first, tuple(search.fitted.values()))}
-    ranked = [next(row for e, row in ranking.items() if set(e) == set(names)) for names in given.combinations]
+    ranked = [
+        next(row for e, row in ranking.items() if set(e) == set(names)) for names in request.combinations
+    ]
     whole = StackModel(
         candidates,
         evidence.tested,
@@ -195,10 +197,10 @@ def _of_one(
     )
     fits = Fitted(
         model=model,
-        whole=whole if given.held else None,
-        fit=search.fitted[frozenset(given.names)],
+        whole=whole if request.held else None,
+        fit=search.fitted[frozenset(request.names)],
         common=search.setting,
-        kept=given.kept,
+        kept=request.kept,
         paired=True,
     )
     return fits, tuple(map(entry_of, ranked))
@@ -206,21 +208,21 @@ def _of_one(
 
 def _of_several(
     specimens: Sequence[Specimen],
-    given: Asked,
+    request: FitRequest,
     executor: Executor | None,
     reduced: Callable[..., CandidateModel],
 ) -> tuple[Fitted, tuple[Entry, ...]]:
     """Fit several stacks as a campaign of specimens, each effect with one value for the rig or one for each stack."""
-    fits = fit_several(specimens, given, given.combinations, executor=executor, reduced=reduced)
+    fits = fit_several(specimens, request, request.combinations, executor=executor, reduced=reduced)
     sizes = fits[-1].fit.evidence.sizes
     return fits[-1], tuple(
-        entry_of_several(names, fit, sizes) for names, fit in zip(given.combinations, fits, strict=True)
+        entry_of_several(names, fit, sizes) for names, fit in zip(request.combinations, fits, strict=True)
     )
 
 
 def fit_several(
     specimens: Sequence[Specimen],
-    given: Asked,
+    request: FitRequest,
     combinations: Sequence[Sequence[str]],
     *,
     executor: Executor | None = None,
@@ -232,7 +234,7 @@ def fit_several(
     ----------
     specimens : sequence of Specimen
         Two stacks or more.
-    given : Asked
+    request : FitRequest
         What is fitted.
     combinations : sequence of sequence of str
         Names of effects that are fitted together.
@@ -244,36 +246,38 @@ def fit_several(
     FitError
         No measured mode of a configuration resembles one of the model, or a stack cannot have an effect.
     """
-    settings = given.settings
+    settings = request.settings
     whole, impossible = specimens_model(
         specimens,
-        given.effects,
+        request.effects,
         scatter=settings.scatter,
         executor=executor,
         reduced=reduced,
         settings=settings.of_base,
     )
-    _require_possible(given.names, impossible)
-    begun = begin(_with_modes(whole, given), priors_of(settings.scatter))
+    _require_possible(request.names, impossible)
+    base_fit = begin(_with_modes(whole, request), priors_of(settings.scatter))
     fits = []
     for names in combinations:
         terms = [
             term
             for n in names
-            for term in ([f"{n}@{s.name}" for s in specimens] if settings.apart(given.effects[n]) else [n])
+            for term in ([f"{n}@{s.name}" for s in specimens] if settings.apart(request.effects[n]) else [n])
         ]
-        pooled = asked(begun, terms)
+        pooled = fit_terms(base_fit, terms)
         model, fit = pooled.model, pooled.search.chosen
-        if settings.tells({n: given.effects[n] for n in names}):
-            informed = _with_effects(model, settings.effects(given.effects), settings)
+        if settings.tells({n: request.effects[n] for n in names}):
+            informed = _with_effects(model, settings.effects(request.effects), settings)
             fit, model = refit(model, informed, fit, pooled.search.setting, settings), informed
         fits.append(
             Fitted(
                 model=model,
-                whole=_with_effects(whole, model.first.effects, model.first.settings) if given.held else None,
+                whole=_with_effects(whole, model.first.effects, model.first.settings)
+                if request.held
+                else None,
                 fit=fit,
                 common=pooled.search.setting,
-                kept=given.kept,
+                kept=request.kept,
                 paired=False,
                 classed=tuple(specimen.classed for specimen in specimens for _ in specimen.tested),
             )
@@ -287,14 +291,16 @@ def _require_possible(names: Sequence[str], impossible: Mapping[str, str]) -> No
         raise FitError("; ".join(why))
 
 
-def _with_modes(model: SpecimensModel, given: Asked) -> SpecimensModel:
+def _with_modes(model: SpecimensModel, request: FitRequest) -> SpecimensModel:
     """Return the model of specimens with the modes that take part."""
-    if not given.held and given.settings.damping:
+    if not request.held and request.settings.damping:
         return model
     groups = []
     for g, group in enumerate(model.groups):
-        kept = {c: given.kept[i] for i, (_, index, c) in enumerate(model.place) if index == g}
-        part = Asked(given.names, given.effects, given.settings, tuple(kept[c] for c in range(len(kept))))
+        kept = {c: request.kept[i] for i, (_, index, c) in enumerate(model.place) if index == g}
+        part = FitRequest(
+            request.names, request.effects, request.settings, tuple(kept[c] for c in range(len(kept)))
+        )
         groups.append(
             replace(group, model=group.model.of_tests(part.of(group.model.tested), group.model.observation))
         )

@@ -42,7 +42,7 @@ def correlation_figure(fit: JointFit) -> Figure:
 
 
 def convergence_figure(fit: JointFit) -> Figure:
-    """Draw what the fit minimises after each step, less its least; it jumps where the model is made anew."""
+    """Draw what the fit minimises after each step, less its least; it jumps where the model is linearised again."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 

@@ -25,7 +25,7 @@ def part_of(model: SpecimensModel, fit: Explanation, name: str, label: str, log_
     name : str
         The term.
     label : str
-        What a person calls it.
+        Its label.
     log_odds : float
         Its gain in log odds beside the other terms.
     """

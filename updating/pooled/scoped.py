@@ -18,7 +18,7 @@ from updating.pooled.specimen import Level
 CONTACT = {"G_f": "contact stiffness", "d_f": "contact damping"}
 """Contact parameters in which a group or a specimen may differ from the rest, with their labels."""
 CONTACT_SPREAD = 0.5
-"""Standard deviation of the logarithm of the ratio of such a parameter to that of the rest, beforehand."""
+"""Prior standard deviation of the logarithm of the ratio of such a parameter to that of the rest."""
 SHARED_PART = 0.5
 """Share of the variance of a nuisance, such as Young's modulus, that all specimens have in common."""
 SCATTER = {"G_f": 0.2, "d_f": 0.4}
@@ -93,7 +93,7 @@ def nuisances_of(
 
 
 def with_settings(scoped: Scoped, model: StackModel, names: Sequence[str], settings: FitSettings) -> Scoped:
-    """Return the coordinates of the base model with what is known of parameters beforehand.
+    """Return the coordinates of the base model with the settings of parameters.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def with_settings(scoped: Scoped, model: StackModel, names: Sequence[str], setti
 
 
 def _level(key: str, names: Sequence[str]) -> Where:
-    """Return whose a coordinate is: everybody's, a specimen's, or that of one of its configurations."""
+    """Return the level of a coordinate: all specimens, one specimen, or one of its configurations."""
     _, bracket, where = key.partition("[")
     return "all" if not bracket else "specimen" if where.rstrip("]") in names else "configuration"
 
@@ -229,5 +229,5 @@ def named(effect: str, level: Level) -> str:
 
 
 def label_of(model: StackModel, effect: str) -> str:
-    """Return what a person calls an effect, a hypothesis or a contact parameter."""
+    """Return the label of an effect, a hypothesis or a contact parameter."""
     return model.effects[effect].label if effect in model.effects else {**LABELS, **CONTACT}[effect]

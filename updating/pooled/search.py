@@ -35,21 +35,21 @@ _LOG = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 
 SHARES = (0.6, 0.2, 0.2)
-"""Shares of the discrepancy that all specimens have in common, that each has in all its states, and that of each state:
-what a model misses of a structure is for the most part the same in all of a kind. They are estimated from here."""
+"""Shares of the discrepancy common to all specimens, common to all states of a specimen, and of each state alone: what
+a model misses of a structure is mostly the same in all of a kind. They are estimated from here."""
 LEAST_SHARE = 0.02
 """Of each of these: no two stacks are built alike, nor two states of one."""
 LOOSE = 3.0
-"""Times as much as of one stack the evidence may still rise where a fit ends: less than terms are told apart by."""
+"""Factor on the rise of the evidence at which the fit of one stack ends: still less than what separates terms."""
 _LADDER = np.linspace(-1.2, 1.2, 9)  # of ln G_f, on which each specimen starts
 BEHIND = 8.0
-"""Logarithm of the odds by which a term may promise less than it is asked and is fitted all the same."""
+"""Log odds by which a term may fall short of the least promise and is still fitted."""
 _LEVELS = 3  # of one effect at once that are worth a fit
 _SETTLED = 0.1  # of the logarithm of a scale
 
 
 @dataclass(frozen=True, eq=False)
-class Begun:
+class BaseFit:
     """The base model of all specimens, fitted.
 
     Attributes
@@ -70,12 +70,12 @@ class Begun:
     start: Vector
 
 
-def begin(model: SpecimensModel, priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)) -> Begun:
+def begin(model: SpecimensModel, priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)) -> BaseFit:
     """Fit the base model from where each specimen's frequencies are met best by its contact stiffness alone."""
     start, common = _start(model, priors)
     base = explain(model, [], common, start, rounds=1)
     model, common, _ = settled(model, common, base)
-    return Begun(model, common, explain(model, [], common, base.x), start)
+    return BaseFit(model, common, explain(model, [], common, base.x), start)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +97,9 @@ class PooledSearch:
     reach: Mapping[str, float]
 
 
-def searched(begun: Begun) -> PooledSearch:
+def searched(base_fit: BaseFit) -> PooledSearch:
     """Find what is missing, and which specimens lack it."""
-    models, reach = [begun.model], dict[str, float]()
+    models, reach = [base_fit.model], dict[str, float]()
 
     def extend(
         model: SpecimensModel, common: Setting, at: Explanation, starts: Sequence[Vector] = ()
@@ -117,10 +117,10 @@ def searched(begun: Begun) -> PooledSearch:
         return sharper
 
     results = search(
-        begun.model,
-        begun.common,
-        begun.base,
-        starts=[begun.start],
+        base_fit.model,
+        base_fit.common,
+        base_fit.base,
+        starts=[base_fit.start],
         in_full=6,
         likeliest=2,
         beside=2,
@@ -130,20 +130,20 @@ def searched(begun: Begun) -> PooledSearch:
     return PooledSearch(models[-1], results, reach)
 
 
-def asked(begun: Begun, effects: Sequence[str]) -> PooledSearch:
-    """Fit effects of the rig, one after the other beside those before.
+def fit_terms(base_fit: BaseFit, names: Sequence[str]) -> PooledSearch:
+    """Fit terms, one after the other beside those before.
 
     Raises
     ------
     FitError
         The model has no modes with all of them.
     """
-    model, common, best = begun.model, begun.common, begun.base
-    for name in effects:
+    model, common, best = base_fit.model, base_fit.common, base_fit.base
+    for name in names:
         terms = [model.terms[n] for n in (*best.terms, name)]
         have = {c.name: float(x) for c, x in zip(best.coordinates, best.x, strict=True)}
         x = np.array([have.get(c.name, c.starts[-1]) for c in coordinates_of(model, terms)])
-        x = outlooks(model, common, best, [begun.start], only=name)[0].get(name, (0.0, x))[1]
+        x = outlooks(model, common, best, [base_fit.start], only=name)[0].get(name, (0.0, x))[1]
         try:
             best = explain(model, terms, common, x)
         except (np.linalg.LinAlgError, ValueError) as error:
@@ -152,7 +152,7 @@ def asked(begun: Begun, effects: Sequence[str]) -> PooledSearch:
     model, common, _ = settled(model, common, best)
     if best.terms:
         best = explain(model, [model.terms[n] for n in best.terms], common, best.x)
-    base = explain(model, [], common, begun.base.x)
+    base = explain(model, [], common, base_fit.base.x)
     priors = {name: term.log_prior or 0.0 for name, term in model.terms.items()}
     fitted = {frozenset[str](): base} | ({frozenset(best.terms): best} if best.terms else {})
     return PooledSearch(model, Search(common, priors, frozenset(), fitted, best if best.terms else base), {})
@@ -261,21 +261,21 @@ def outlooks(
     starts: Sequence[Vector] = (),
     *,
     only: str | None = None,
-    asked: int = 10,
+    n_evaluated: int = 10,
 ) -> tuple[dict[str, tuple[float, Vector]], dict[str, float]]:
     """Return what further terms are expected to reach beside a fit, and where from, and what terms reach in the data.
 
-    Linear steps from all places worth a look say which terms are worth a question. What they promise of strong effects
-    is no more than a rank, so the model itself is asked where they lead.
+    Linear steps from all origins rank the terms. For strong effects the gain of such a step is inaccurate, so the
+    model is evaluated where the best steps lead.
 
     Parameters
     ----------
     model, common, at, starts
         As `updating.inference.search.extended` takes them.
     only : str, optional
-        A term that is asked alone.
-    asked : int
-        Terms of which the model is asked, for each place.
+        The one term whose step the model evaluates; by default the best ones.
+    n_evaluated : int
+        Terms whose steps the model evaluates, for each origin.
 
     Returns
     -------
@@ -292,8 +292,8 @@ def outlooks(
         for name, candidate in screened.items():
             reach[name] = max(candidate.reach, reach.get(name, 0.0))
         order = sorted(screened.values(), key=lambda candidate: -candidate.level)
-        for candidate in [candidate for candidate in order if only in (None, candidate.name)][:asked]:
-            ahead = _asked(model, common, at, [*present, model.terms[candidate.name]], candidate.at, now)
+        for candidate in [candidate for candidate in order if only in (None, candidate.name)][:n_evaluated]:
+            ahead = _after_step(model, common, at, [*present, model.terms[candidate.name]], candidate.at, now)
             if ahead is not None and (
                 candidate.name not in expected or ahead[0] > expected[candidate.name][0]
             ):
@@ -308,7 +308,7 @@ def _now(model: SpecimensModel, common: Setting, at: Explanation) -> float:
     return outlook(model, terms, common, at.x, local, at.evidence.sizes)[0]
 
 
-def _asked(
+def _after_step(
     model: SpecimensModel,
     common: Setting,
     at: Explanation,

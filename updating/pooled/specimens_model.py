@@ -38,7 +38,7 @@ class SpecimensModel:
     scatter : mapping of str to float, optional
         Standard deviations of ln G_f and ln d_f from specimen to specimen.
     settings : FitSettings
-        What is known of parameters beforehand.
+        Priors, bounds and scopes of parameters.
     """
 
     def __init__(

@@ -26,8 +26,8 @@ Vector = NDArray[np.float64]
 UNITS = {"G_f": "1", "d_f": "s/Pa"}
 """Contact parameters of a specimen, and their units."""
 _VAGUE = 2.0
-"""Standard deviation of the logarithm of a parameter at a torque about that of its specimen, beforehand: so wide that
-data decide, and finite where there are none, such as no damping ratio."""
+"""Prior standard deviation of the logarithm of a parameter at a torque about that of its specimen: so wide that data
+decide, and finite where there are none, such as no damping ratio."""
 _UNDETERMINED = 0.5  # of that, from which on data determine nothing
 _RATIO_UNDETERMINED = np.log(
     100.0
@@ -128,7 +128,7 @@ class Contacts:
 
 
 def contrasts_of(model: SpecimensModel, fit: Explanation) -> list[Contrast]:
-    """Return what groups have of contact parameters over the others, nothing being known of it beforehand."""
+    """Return the ratios of contact parameters of groups to those of the others, without priors on them."""
     if not model.first.touching:
         return []
     assert isinstance(fit.problem, TreeProblem)
