@@ -369,7 +369,7 @@ def converged(
         for _ in range(steps):
             after = np.inf
             slope, hessian = _newton(white, problem, x, cost)
-            while after >= at and damp < _STUCK:
+            while not after < at and damp < _STUCK:  # it may be no number
                 trial = step_within(slope, hessian, x, coordinates, damp=damp)
                 try:
                     tried = _weighed_at(model, here, setting, trial, sizes)
@@ -377,7 +377,7 @@ def converged(
                 except (np.linalg.LinAlgError, ValueError):  # the model has no modes there: step less far
                     after = np.inf
                 damp = damp if after < at else max(8.0 * damp, 1e-2)
-            if after >= at:
+            if not after < at:
                 break
             x, (errors, problem, white) = trial, tried
             at, damp = after, damp / 5.0

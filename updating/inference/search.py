@@ -255,7 +255,12 @@ def search(
 
     def again(explanation: Explanation, steps: int = 8) -> Explanation:
         of = [terms[n] for n in explanation.terms]
-        return explain(model, of, replace(common, apart=explanation.apart), explanation.x, steps=steps)
+        try:
+            return explain(model, of, replace(common, apart=explanation.apart), explanation.x, steps=steps)
+        except (
+            np.linalg.LinAlgError
+        ):  # at the edge of what is possible, where the small basis still has modes
+            return explanation
 
     def extend(at: Explanation) -> None:
         fits = (extend_by or extended)(model, common, at, starts)
