@@ -36,6 +36,8 @@ _ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half 
 
 _NEGATIVE = 0.01  # of the shift: rounding, and text with few digits, give rigid motion less
 
+_NO_MASS = 1e-13  # of the largest reciprocal of an eigenvalue: rounding
+
 _RIGID = 0.01  # of the lowest elastic frequency, below which motion of a rigid body is free
 
 _ORDER = 2  # powers of a change that responses stand for: what is left is of the third
@@ -179,15 +181,20 @@ class ReducedMatrices:
             Mass is not positive there.
         """
         moved = {**self.theta, **(theta or {})}
-        last = (self.size if n_mode is None else min(n_mode, self.size)) - 1
+        stiffness, mass, shift = self.matrix("K", moved), self.matrix("M", moved), _shift(self.structure)
         try:
-            value, vector = la.eigh(
-                self.matrix("K", moved), self.matrix("M", moved), subset_by_index=(0, last)
-            )
+            # the reciprocal of an eigenvalue, as a joined basis may hold directions that have next to no mass
+            inverse, vector = la.eigh(mass, stiffness + shift * mass)
         except la.LinAlgError as error:
-            message = f"{self.name}: mass is not positive at {moved}"
+            message = f"{self.name}: neither stiffness nor mass is positive at {moved}"
             raise MatricesError(message) from error
-        return np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), vector
+        if inverse[0] < -_NO_MASS * inverse[-1]:
+            message = f"{self.name}: mass is not positive at {moved}"
+            raise MatricesError(message)
+        moving = np.flatnonzero(inverse > _NO_MASS * inverse[-1])[::-1][:n_mode]
+        value = 1.0 / inverse[moving] - shift
+        scaled = vector[:, moving] / np.sqrt(inverse[moving])
+        return np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), scaled
 
 
 def reduce_matrices(

@@ -132,6 +132,22 @@ def test_errors_at_several_points_are_those_at_each(structure):
     np.testing.assert_allclose(reduced._unbalanced(x, value, theta), force, atol=rounding)
 
 
+def test_a_direction_that_rounding_leaves_without_mass_harms_no_mode(structure):
+    reduced = model.reduce_matrices(structure)
+    more = {"K": 1e12, "M": -1e-20}  # as of a basis whose vectors depend on each other
+    terms = [replace(term, matrix=np.pad(term.matrix, (0, 1))) for term in reduced.terms]
+    for i, target in (
+        (next(i for i, t in enumerate(terms) if t.target == target), target) for target in "KM"
+    ):
+        terms[i].matrix[-1, -1] = more[target]
+    basis = np.pad(reduced.basis, ((0, 0), (0, 1)))
+    wider = replace(reduced, terms=tuple(terms), basis=basis)
+    np.testing.assert_allclose(wider.solve(n_mode=8)[0], reduced.solve(n_mode=8)[0], rtol=1e-8)
+    _, vector = wider.solve(n_mode=8)
+    mass = vector.T @ wider.matrix("M", wider.theta) @ vector
+    np.testing.assert_allclose(mass, np.eye(8), atol=1e-9)
+
+
 def test_a_point_off_the_structure_is_named(structure, measured):
     modes = measured({"root_springs": 1.0})
     moved = replace(modes.geometry, coordinate=10.0 * modes.geometry.coordinate)
