@@ -253,29 +253,21 @@ def search(
         among = _changed(states, new, old)
         return better(predicted(new, seen).among(among), predicted(old, seen).among(among))
 
-    def again(explanation: Explanation, steps: int = 8) -> Explanation:
-        of = [terms[n] for n in explanation.terms]
-        try:
-            return explain(model, of, replace(common, apart=explanation.apart), explanation.x, steps=steps)
-        except (
-            np.linalg.LinAlgError
-        ):  # at the edge of what is possible, where the small basis still has modes
-            return explanation
-
     def extend(at: Explanation) -> None:
         fits = (extend_by or extended)(model, common, at, starts)
         for i, explanation in enumerate(fits[:in_full]):
             near = fits[0].log_evidence - explanation.log_evidence < behind
             if near and frozenset(explanation.terms) not in fitted:
                 may_matter = i < likeliest or odds(explanation) - odds(at) > -behind / 4.0
-                fitted[frozenset(explanation.terms)] = again(explanation) if may_matter else explanation
+                refit = _refitted(model, common, explanation) if may_matter else explanation
+                fitted[frozenset(explanation.terms)] = refit
         best = " + ".join(max(fitted.values(), key=odds).terms) or "no effect"
         say(f"{len(fitted)} explanations fitted, most probable so far: {best}")
 
     extend(base)
     model, common, refit = (sharpen or _sharpened)(model, common, max(fitted.values(), key=odds))
     if refit:  # the noise was misfit of the base model: all are fitted again, the base model without a step
-        fitted = {names: again(f, steps=8 if names else 0) for names, f in fitted.items()}
+        fitted = {names: _refitted(model, common, f, 8 if names else 0) for names, f in fitted.items()}
         base = fitted[frozenset()]
     else:
         base_again = explain(model, [], common, max(fitted.values(), key=odds).x[: base.x.size])
@@ -301,6 +293,15 @@ def search(
             fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])
     freed = frozenset(name for term in terms.values() for name in term.frees)
     return Search(common, priors, freed, fitted, chosen, states, seen)
+
+
+def _refitted(model: Model, common: Setting, fit: Explanation, steps: int = 8) -> Explanation:
+    """Fit an explanation to the end on models about where it stands."""
+    try:
+        common = replace(common, apart=fit.apart)
+        return explain(model, [model.terms[name] for name in fit.terms], common, fit.x, steps=steps)
+    except np.linalg.LinAlgError:  # at the edge of what is possible, where the small basis still has modes
+        return fit
 
 
 def _sharpened(
