@@ -12,26 +12,15 @@ Mistaken for: density or fill factor, roving accelerometers, a lower G_f.
 
 from __future__ import annotations
 
-import scipy.sparse as sp
-
-from model.effects.parts import clamps_of, mean_over, square
+from model.effects.parts import clamp_unit_mass, clamps_of
 from model.elements.equations import Assembly, Monomial, Term
-from model.elements.mesh import FIELDS
-from model.elements.terms import height_shares
 from model.stack.effect import Effect, Parameter
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the mass of one kilogram under each clamp."""
-    n = assembly.stack.n_lamina
     krons = tuple(
-        square(
-            field,
-            mean_over(assembly, field, (clamp.x, clamp.y), clamp.footprint),
-            sp.diags_array(height_shares(clamp, n)).tocsr(),
-        )
-        for clamp in clamps_of(assembly, "clamp_mass")
-        for field in FIELDS
+        kron for clamp in clamps_of(assembly, "clamp_mass") for kron in clamp_unit_mass(assembly, clamp)
     )
     return (
         Term(name="clamp_mass", target="M", factor=Monomial(exponent={"clamp_added_mass": 1}), krons=krons),

@@ -23,12 +23,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
-from model.effects.parts import Vector, clamps_of, mean_over, pressure_change, square
+from model.effects.parts import Vector, clamp_unit_mass, clamps_of, pressure_change
 from model.elements.equations import Assembly, Formula, Term, Theta
-from model.elements.mesh import FIELDS
-from model.elements.terms import height_shares
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
 from model.stack.parts import Clamp
@@ -59,22 +56,14 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         )
         for i, clamp in enumerate(clamps)
     )
-    shares = [height_shares(clamp, stack.n_lamina) for clamp in clamps]
     rides = (
         Term(
             name=f"loose_clamp {i} mass",
             target="M",
             factor=Formula(partial(_rides, i=i, n=len(clamps), mass=clamp.mass)),
-            krons=tuple(
-                square(
-                    field,
-                    mean_over(assembly, field, (clamp.x, clamp.y), clamp.footprint),
-                    sp.diags_array(share).tocsr(),
-                )
-                for field in FIELDS
-            ),
+            krons=clamp_unit_mass(assembly, clamp),
         )
-        for i, (clamp, share) in enumerate(zip(clamps, shares, strict=True))
+        for i, clamp in enumerate(clamps)
         if clamp.mass > 0.0
     )
     return (*itertools.chain.from_iterable(found), *rides)
@@ -123,7 +112,7 @@ EFFECT = Effect(
             nominal=5e-9,
             lower=0.0,
             upper=3e-8,
-            source="c from 0 to 30 nm/N: seats of M8 to M16 bolts that hardly press have 0.03 to 0.3 N/nm",
+            source="c from 0 to 30 nm/N, assumed: from a rigid seat to one on which 1 kg resonates at 920 Hz",
         ),
     ),
     terms=terms,

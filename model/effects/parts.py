@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from model.contact.contact import contact_fields
 from model.elements.equations import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
 from model.elements.mesh import FIELDS, Derivative, Field
-from model.elements.terms import footprint_points
+from model.elements.terms import footprint_points, height_shares
 from model.stack.errors import EffectError
 from model.stack.parts import Clamp, Instruments
 from model.stack.stack import Stack
@@ -228,6 +228,13 @@ def shear_spring(
 def square(field: Field, row: sp.csr_matrix, z: sp.csr_array, strength: float = 1.0) -> Kron:
     """Return strength times the square of what a row takes of a field."""
     return Kron(row=field, column=field, z=strength * z, planar=(row.T @ row).tocsr())
+
+
+def clamp_unit_mass(assembly: Assembly, clamp: Clamp) -> tuple[Kron, ...]:
+    """Return a mass of 1 kg that moves with what a clamp presses, spread over the height as the clamp's own is."""
+    z = sp.diags_array(height_shares(clamp, assembly.stack.n_lamina)).tocsr()
+    place = (clamp.x, clamp.y)
+    return tuple(square(field, mean_over(assembly, field, place, clamp.footprint), z) for field in FIELDS)
 
 
 def point_mass(
