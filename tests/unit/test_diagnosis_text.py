@@ -267,8 +267,7 @@ def test_unlike_anything():
     first, where, _ = sentences(diagnosis("unlike anything"))
     assert first == (
         "Something is missing that is unlike anything in the catalogue. The model's frequencies are off by 20 % in the "
-        "mean, and none of the effects that were tried lets it predict better what it was not fitted to and agrees "
-        "with what is known."
+        "mean, and with none of the effects that were tried does it predict better what it was not fitted to."
     )
     assert where == (
         "The model misses these frequencies most: M1, mode 1 at 100.0 Hz (measured 2.0 % lower); M1, mode 2 at 200.0 "

@@ -115,8 +115,8 @@ def _verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unlike anything":
         return (
             "Something is missing that is unlike anything in the catalogue. The model's frequencies are off by "
-            f"{percent(base.frequency_error)} in the mean, and none of the effects that were tried lets it predict "
-            "better what it was not fitted to and agrees with what is known."
+            f"{percent(base.frequency_error)} in the mean, and with none of the effects that were tried does it "
+            "predict better what it was not fitted to."
         )
     first, share = diagnosis.ranked(diagnosis.set[0]), f"{100.0 * diagnosis.explained:.0f} %"
     what = named(diagnosis, first.effects)

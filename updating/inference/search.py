@@ -144,8 +144,8 @@ def better(new: Prediction, old: Prediction) -> bool:
     Errors of frequencies and of damping ratios are compared where modes, and where states, are left out. One must fall.
     The error of the frequencies of left-out modes may not rise, nor be so large that nothing is predicted; that of
     left-out states is mostly the scatter of assembly. A difference between two states cannot be predicted from one of
-    them: there the pull decides. An explanation that pulls a nuisance far, and farther than before, contradicts what is
-    known: it stands in for something else.
+    them: there the pull decides. A pull that grows decides nothing: evidence counts it, and with the right term the
+    discrepancy is small, so that a true deviation shows more.
     """
     falls = False
     for after, before in ((new.mode, old.mode), (new.state, old.state)):
@@ -154,8 +154,6 @@ def better(new: Prediction, old: Prediction) -> bool:
             falls |= bool(a < FALLS * b and b - a > matters)
     b, a = old.mode.beside(new.mode, "frequency"), new.mode.frequency
     if a > PREDICTS or (a > RISES * b and a - b > 0.1 * FREQUENCY_MATTERS):
-        return False
-    if new.pull > max(PULLED, old.pull):
         return False
     return falls or (old.pull > PULLED and new.pull < RELEASED * old.pull)
 
@@ -288,6 +286,8 @@ def search(
             if odds(at) > fewer and odds(pool[0]) - odds(at) < behind:
                 extend(at)
     chosen = _needed(model, common, fitted, chosen, odds)
+    if chosen.terms and not helps(chosen, base):  # what it was chosen with is not needed
+        chosen = base
     for names in map(frozenset, asked):
         if names and names not in fitted:
             fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])
