@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.command import ROOT, lamella
+from updating.report.change_part import kind_table
 from updating.results.store import read_result
 from updating.results.what_changed import WhatChanged
 
@@ -62,6 +63,8 @@ def test_what_changed_is_named_and_of_a_repeat_nothing_is(tmp_path, undrawn):
     assert own.place[:2] == pytest.approx(1e-3 * np.array(truth["at_mm"]), abs=0.01)
     assert own.lower < truth["added_kg"] < own.upper
     assert own.part.startswith("node ")
+    cell = kind_table(found).rows[0][3]  # as exact as the sentence says, "x = 80 ± 2 mm"
+    assert f"x = {cell} mm" in said
     made = lamella("report", tmp_path)
     assert made.returncode == 0, made.stderr
     assert "What changed in after, and where" in (tmp_path / "report.html").read_text()

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ema.plot import palette
 from ema.types.modal_model import frequency_text
@@ -17,7 +18,7 @@ from updating.diagnosis.answer import Diagnosis, Telling, telling
 from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, single, svg
 from updating.report.results import Results
 from updating.results.text import percent
-from updating.results.what_changed import AXES, KindOfChange, WhatChanged, size_text
+from updating.results.what_changed import AXES, KindOfChange, WhatChanged, separation, size_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -347,6 +348,7 @@ def what_changed_section(what_changed: WhatChanged) -> Section:
 
 def kind_table(what_changed: WhatChanged) -> Table:
     """List the likeliest kinds of change."""
+    apart = separation(what_changed)
     return Table(
         title="Kinds of change",
         header=(
@@ -362,7 +364,7 @@ def kind_table(what_changed: WhatChanged) -> Table:
                 kind.label,
                 f"{kind.log_odds:.1f}",
                 f"{kind.probability:.2g}",
-                *(_place(kind, AXES.index(a)) for a in what_changed.axes),
+                *(_place(kind, AXES.index(a), apart) for a in what_changed.axes),
                 size_text(kind),
                 f"{100 * kind.explained:.0f}",
             )
@@ -370,20 +372,22 @@ def kind_table(what_changed: WhatChanged) -> Table:
         ),
         note="Log odds: natural logarithm of the posterior odds against no change beyond the scatter of assembly. "
         "Explained: share of the misfit beyond that scatter. "
-        + (
-            "Cannot be: "
-            + "; ".join(f"{name}, {why}" for name, why in sorted(what_changed.impossible.items()))
-            + "."
-            if what_changed.impossible
-            else ""
-        ),
+        + (f"Cannot be: {_impossible(what_changed)}." if what_changed.impossible else ""),
     )
 
 
-def _place(kind: KindOfChange, axis_: int) -> str:
+def _place(kind: KindOfChange, axis_: int, apart: NDArray[np.float64]) -> str:
     if not kind.local:
         return kind.part or "all over"
-    return f"{1e3 * kind.place[axis_]:.0f} ± {1e3 * kind.place_std[axis_]:.0f}"
+    return f"{1e3 * kind.place[axis_]:.0f} ± {1e3 * np.hypot(kind.place_std[axis_], apart[axis_]):.0f}"
+
+
+def _impossible(what_changed: WhatChanged) -> str:
+    """Say which kinds cannot be, by the reason that they share."""
+    by_reason: dict[str, list[str]] = {}
+    for name, reason in sorted(what_changed.impossible.items()):
+        by_reason.setdefault(reason, []).append(name.replace("_", " "))
+    return "; ".join(f"{', '.join(names)} ({reason})" for reason, names in by_reason.items())
 
 
 def map_picture(what_changed: WhatChanged) -> Picture:

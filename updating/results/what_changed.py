@@ -221,10 +221,7 @@ def _where(what_changed: WhatChanged) -> str:
     share = share / share.sum()
     mean = share @ np.array([kind.place for kind in left])
     square = share @ np.array([np.square(kind.place_std) + np.square(kind.place) for kind in left])
-    cell = np.zeros(3)
-    cell[at[:2]] = _step(what_changed.x), _step(what_changed.y)
-    # to which locations are separated
-    spread = np.sqrt(np.maximum(square - mean**2, 0.0) + (cell / (3.0 * np.sqrt(12.0))) ** 2)
+    spread = np.sqrt(np.maximum(square - mean**2, 0.0) + separation(what_changed) ** 2)
     if np.any(spread[at] > SPREAD_OUT * np.ptp(what_changed.box, axis=1).max()):
         i, j = np.unravel_index(int(np.argmax(what_changed.map)), what_changed.map.shape)
         return (
@@ -240,6 +237,16 @@ def _where(what_changed: WhatChanged) -> str:
         parts[k] += f", {_mm(mean[at[k]] - what_changed.box[k, 0])} mm from the {end}"
     last = ", and " if what_changed.ends else " and "
     return f"Where: {', '.join(parts[:-1])}{last}{parts[-1]} (one standard deviation)."
+
+
+def separation(what_changed: WhatChanged) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Return the standard deviation of a location by what separates those that were tried, (3,) m.
+
+    It is that of a uniform density over a third of a cell of the map, to which the likeliest cells are divided.
+    """
+    at, cell = [AXES.index(name) for name in what_changed.axes[:2]], np.zeros(3)
+    cell[at] = [_step(line) for line in (what_changed.x, what_changed.y)][: len(at)]
+    return cell / (3.0 * np.sqrt(12.0))
 
 
 def _step(line: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
