@@ -11,7 +11,7 @@ import numpy as np
 
 from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
 from ema.campaign.draft_histories import is_of_force, of_motions_alone, side_by_side
-from ema.io.contents import UNKNOWN, Code, Contents, point_in
+from ema.io.contents import UNKNOWN, Code, Contents, dof_name, point_in
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import guess_variables
 from ema.io.measured_function import MeasuredFunction
@@ -19,6 +19,7 @@ from ema.io.sdynpy import holds_data_arrays, read_data_arrays
 from ema.io.table import read_points
 from ema.io.uff import (
     NOT_OVER_FORCE,
+    OF_DATA_TYPE,
     OF_GEOMETRY,
     REAL,
     UNSTATED,
@@ -27,7 +28,8 @@ from ema.io.uff import (
     read_uff_geometry,
 )
 from ema.io.uff58 import cut
-from ema.io.units import parse_unit
+from ema.io.uff_sets import LABEL_OF_MOTION
+from ema.io.units import NOT_UNDERSTOOD, parse_unit
 from ema.types.errors import CampaignError, MeasurementError
 
 _TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".gz")
@@ -239,8 +241,12 @@ def _universal(file: Path) -> Contents | None:
             if note is not None:
                 message = f"{file}: {said}{note.rpartition(said)[2]}; export {wanted}"
                 raise MeasurementError(message)
-    contents = _of_functions(file, functions, unstated=any(UNSTATED in note for note in notes))
-    return replace(contents, volts=volts[0] if "/" in volts[0] else f"{volts[0]}/N") if volts else contents
+    contents = _of_functions(
+        file, functions, unstated=any(said in note for note in notes for said in (UNSTATED, OF_DATA_TYPE))
+    )
+    volts = [label if "/" in label else f"{label}/N" for label in volts]
+    odd = volts or [match[1] for note in notes if (match := NOT_UNDERSTOOD.search(note))]
+    return replace(contents, odd_unit=odd[0]) if odd else contents
 
 
 def _of_functions(file: Path, functions: tuple[MeasuredFunction, ...], *, unstated: bool = False) -> Contents:
@@ -265,13 +271,20 @@ def _of_functions(file: Path, functions: tuple[MeasuredFunction, ...], *, unstat
         "input": all(f.input is not None for f in frfs),  # of time histories it is the DOF of the force
         "unit": all(f.quantity is not None for f in used) and not unstated,
     }
+    channels = [] if frfs else [f for f in functions if f.kind in ("force", "response")]
     return Contents(
         file=file,
+        titles=tuple(_title(f) for f in channels),
         dofs=tuple((f.output, f.input) for f in used),
         states=frozenset(key for key, there in stated.items() if there),
         is_time=not frfs,
-        n_channel=sum(f.kind in ("response", "force") for f in functions),
     )
+
+
+def _title(channel: MeasuredFunction) -> str:
+    """Return the point and the unit of a channel of time histories, as titles of tables write them."""
+    unit = "N" if channel.kind == "force" else channel.quantity and LABEL_OF_MOTION[channel.quantity]
+    return dof_name(channel.output) + (f" [{unit}]" if unit else "")
 
 
 def _of_one_layout(
@@ -321,7 +334,9 @@ def _with_forces(
                 for c in contents
             )
             continue
-        alone = [of_set[0] for of_set in sets if of_set[0].is_time and sum(map(_channels, of_set)) == 1]
+        alone = [
+            of_set[0] for of_set in sets if of_set[0].is_time and sum(len(c.titles) for c in of_set) == 1
+        ]
         if len(alone) < len(sets) or any(
             map(is_of_force, contents)
         ):  # which may be put beside each other by hand
@@ -333,11 +348,6 @@ def _with_forces(
             for c in alone
         )
     return kept
-
-
-def _channels(contents: Contents) -> int:
-    """Return how many channels of time histories a file holds."""
-    return contents.n_channel if contents.section is None else len(contents.titles)
 
 
 def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
@@ -352,7 +362,7 @@ def _with_channels(contents: Contents, every: list[Contents]) -> Contents:
 
 def _differing(contents: Contents, usual: Contents) -> str:
     """Say in words which keys of a file, and perhaps which unit, are others than the usual ones."""
-    here, there = ({**one.keys, "unit": one.unit or one.volts or "unknown"} for one in (contents, usual))
+    here, there = ({**one.keys, "unit": one.unit or one.odd_unit or "unknown"} for one in (contents, usual))
     names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
     return "; ".join(
         f"{name} {here.get(name, 'not needed')} instead of {there.get(name, 'none')}" for name in names

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.draft import Draft, PointsFound, force_by_exclusion, unlisted
 from ema.campaign.draft_histories import Guessed, Set, averaged, averaging_of, dofs_of, in_order, side_by_side
-from ema.io.contents import UNKNOWN, Code, Contents, dof_name
+from ema.io.contents import UNKNOWN, Code, Contents, dof_name, volts_in
 from ema.io.files import whole
 from ema.io.table import read_points
 from ema.io.uff import read_uff_geometry
@@ -251,7 +251,7 @@ def _measurement(drafted: Draft, missing: list[str]) -> list[str]:
 
 def _asked_unit(contents: tuple[Contents, ...]) -> str:
     """Say which unit is asked for, and why the headers do not tell it."""
-    labels = Counter(c.unit or c.volts for c in contents if "unit" not in c.states)
+    labels = Counter(c.unit or c.odd_unit for c in contents if "unit" not in c.states)
     label, count = labels.most_common(1)[0]
     if len(labels) > 1:
         said = ", ".join(f"{name or 'none'} in {n} files" for name, n in labels.most_common())
@@ -259,11 +259,14 @@ def _asked_unit(contents: tuple[Contents, ...]) -> str:
             f"the files state several units, {said}: give that of most of them, and scale the others by a "
             "[[correction]]"
         )
-    if label:
+    said = f"the {'file states' if count == 1 else 'files state'} {label}"
+    if volts_in(label):
         return (
-            f"the {'file states' if count == 1 else 'files state'} {label}, the volts of a sensor: divide by its "
-            f'sensitivity, such as unit = "{label}/(100 mV/g)" for a sensor of 100 mV/g'
+            f"{said}, the volts of a sensor: divide by its sensitivity, such as "
+            f'unit = "{label}/(100 mV/g)" for a sensor of 100 mV/g'
         )
+    if label:
+        return f"{said}, which is not understood: write it as (m/s2)/N, g/N, mm/N or the like"
     return "the unit of the FRFs, such as (m/s2)/N or g/N"
 
 

@@ -26,7 +26,7 @@ from ema.campaign.estimate import (
 )
 from ema.io.array_files import is_cut_off
 from ema.io.array_histories import read_histories, read_wav
-from ema.io.measured_function import MeasuredFunction, is_uneven, said_of_rounded
+from ema.io.measured_function import Channels, MeasuredFunction, is_uneven, records_in, said_of_rounded
 from ema.io.sdynpy import read_data_arrays
 from ema.io.table import TableLayout, read_records, read_table
 from ema.io.uff import read_uff_functions
@@ -244,7 +244,6 @@ def _single_hits(
     return value[second == 0.0]
 
 
-_Channels = tuple[MeasuredFunction, ...]
 _ARRAYS = ("mat", "hdf5", "numpy", "tdms")
 
 
@@ -275,7 +274,7 @@ def frfs_of(
 
 def records_of(
     campaign: Campaign, group: Sequence[tuple[Path, ...]], notes: list[str]
-) -> list[list[tuple[Path, _Channels]]]:
+) -> list[list[tuple[Path, Channels]]]:
     """Return the records of time histories in files, for each run those that are averaged.
 
     Parameters
@@ -305,7 +304,7 @@ def records_of(
     return [[(file, hit) for file, hits in of_sets for hit in hits[r]] for r in range(len(runs))]
 
 
-def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_Channels, ...], ...]:
+def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[Channels, ...], ...]:
     """Return for each run of a file its records, for each record its channels."""
     kind = format_of(file, campaign.format)
     if kind in _ARRAYS and not _describes_itself(campaign, kind):
@@ -314,7 +313,7 @@ def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[_C
         return read_histories(file, campaign.variables, matlab=kind == "mat")
     if kind == "csv" and campaign.table is not None:
         return (_of_table(campaign.table, file, notes),)
-    return ((_plain(campaign, file, notes),),)
+    return records_in(_plain(campaign, file, notes))
 
 
 def _cut_off(file: Path, kind: str) -> list[str]:
@@ -327,7 +326,7 @@ def _cut_off(file: Path, kind: str) -> list[str]:
     ]
 
 
-def _of_table(table: TableLayout, file: Path, notes: list[str]) -> tuple[_Channels, ...]:
+def _of_table(table: TableLayout, file: Path, notes: list[str]) -> tuple[Channels, ...]:
     """Return the records of a text file; those of its segments are averaged."""
     records = read_records(file, table)
     if len(records) > 1:
@@ -340,7 +339,7 @@ def _describes_itself(campaign: Campaign, kind: Format) -> bool:
     return kind == "numpy" and campaign.variables is None
 
 
-def _plain(campaign: Campaign, file: Path, notes: list[str]) -> _Channels:
+def _plain(campaign: Campaign, file: Path, notes: list[str]) -> Channels:
     """Return the functions of a universal file, of SDynPy, of a table or of a sound file."""
     if format_of(file, campaign.format) == "uff":
         functions, odd = read_uff_functions(file, campaign.unit, campaign.file_units)
@@ -356,7 +355,7 @@ def _plain(campaign: Campaign, file: Path, notes: list[str]) -> _Channels:
     return read_table(file, campaign.table, campaign.unit)
 
 
-def _beside(files: list[tuple[Path, tuple[tuple[_Channels, ...], ...]]]) -> tuple[tuple[_Channels, ...], ...]:
+def _beside(files: list[tuple[Path, tuple[tuple[Channels, ...], ...]]]) -> tuple[tuple[Channels, ...], ...]:
     """Put the channels of files of the same records side by side."""
     (first, records), *others = files
     for file, more in others:
@@ -371,7 +370,7 @@ def _beside(files: list[tuple[Path, tuple[tuple[_Channels, ...], ...]]]) -> tupl
     return records
 
 
-def _one_record(file: Path, channels: _Channels, more: _Channels, *, same_start: float = 0.5) -> _Channels:
+def _one_record(file: Path, channels: Channels, more: Channels, *, same_start: float = 0.5) -> Channels:
     """Return the channels of one record from two files, which begin at the same time.
 
     `same_start`: share of a step by which channels of one record may begin apart.

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import ArrayInFile, array, arrays_in
 from ema.io.files import plain_bytes
-from ema.io.measured_function import MeasuredFunction, require_ascending
+from ema.io.measured_function import Channels, MeasuredFunction, require_ascending
 from ema.io.variables import FIRST_CHANNEL, VariableLayout
 from ema.types.errors import MeasurementError
 
-Channels = tuple[MeasuredFunction, ...]
 _PARTS = re.compile(r"(\d+)")
 _ORDER = ("run", "hit", "channel", "time")
 

@@ -58,10 +58,8 @@ class Contents:
         Of time histories in arrays how long each axis is.
     by_numbers : bool
         Whether nothing but its numbers tells that it holds FRFs.
-    volts : str
-        Unit of the FRFs where the file writes one of volts, such as V/N; empty where it does not.
-    n_channel : int
-        Channels of time histories of a file that describes itself.
+    odd_unit : str
+        Unit of the FRFs where the file writes one of volts, such as V/N, or one that is not understood; else empty.
     guesses : tuple of str
         What was taken for granted, and why.
     """
@@ -77,8 +75,7 @@ class Contents:
     n_run: int = 1
     lengths: Mapping[str, int] = field(default_factory=dict)
     by_numbers: bool = False
-    volts: str = ""
-    n_channel: int = 0
+    odd_unit: str = ""
     guesses: tuple[str, ...] = ()
 
 

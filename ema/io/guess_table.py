@@ -213,7 +213,7 @@ def _guess(path: Path, text: _Text) -> Contents | None:
         section="table",
         keys={"layout": layout} | keys,
         unit=unit_in(said),
-        volts=volts_in(said),
+        odd_unit=volts_in(said),
         dofs=dofs,
         by_numbers=by_numbers,
         guesses=(*guesses, *named),

@@ -22,7 +22,11 @@ from ema.types.errors import MeasurementError
 
 _Records = Mapping[str, NDArray[Any]]
 _TIME = re.compile(r"^t$|time|zeit|^cas|^čas", re.IGNORECASE)
-RATE = re.compile(r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|sampl|samp_?(rate|f)|abtast|vzor", re.IGNORECASE)
+RATE = re.compile(
+    r"^f_?s(amp\w*)?$|^s_?r(ate)?$|^rate$|^(?!no?_?samp|num|count)(?=.*sampl)(?!.*samples$)|samp_?(rate|f)|abtast|vzor",
+    re.IGNORECASE,
+)
+"""What a sampling rate may be called; ``wf_samples`` and ``n_sample`` are counts of samples."""
 _TIME_STEP = re.compile(r"^d_?t$|^delta_?t$|^t_?s$|interval|increment|^dx$", re.IGNORECASE)
 _NO_HISTORY = re.compile(r"psd|csd|spec|auto|cross|corr|fft|coh|freq|mag|phase|window", re.IGNORECASE)
 _NUMBERED = re.compile(
@@ -305,10 +309,10 @@ _ESTIMATE = re.compile(
 _COHERENCE = re.compile(r"coh|gamma|^c\d+_\d+$", re.IGNORECASE)  # C1_2 of the analysers that write H1_2
 _CIRCULAR = re.compile(r"^(w|om(ega)?)$", re.IGNORECASE)  # rad/s
 _STEP = re.compile(
-    r"^(x_?increment|increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$",
+    r"^((x|wf)_?increment|increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$",
     re.IGNORECASE,
 )
-_START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0)$", re.IGNORECASE)
+_START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0|wf_start_offset)$", re.IGNORECASE)
 _FEWEST_LINES = 10
 
 
@@ -396,7 +400,8 @@ def _of_frfs(
     parts = [key for keys_ in WAYS for key in keys_ if key in keys]
     names = keys[parts[0]]
     own_column = _is_axis(block)
-    frequency = FIRST_COLUMN if own_column else _frequency(arrays, block.shape)
+    used = {name for part in parts for name in keys[part]}
+    frequency = FIRST_COLUMN if own_column else _frequency(arrays, block.shape, used)
     steps = {} if frequency else _steps(arrays, max(block.shape), guesses)
     keys |= steps if steps else {"frequency": frequency or UNKNOWN}
     shape = (block.shape[0], block.shape[1] - 1) if own_column else block.shape
@@ -524,11 +529,14 @@ def _coherences(arrays: _Arrays, block: NDArray[Any], frfs: list[str]) -> list[s
     return [name for name in coherences if name is not None] if None not in coherences else []
 
 
-def _frequency(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
-    """Return the name of an ascending vector as long as an axis; one that is named like it comes first."""
+def _frequency(arrays: _Arrays, shape: tuple[int, ...], used: set[str]) -> str | None:
+    """Return the name of an ascending vector as long as an axis; one that is named like it comes first.
+
+    `used`: names of the FRFs, which are none.
+    """
     fits = [
         name for name, value in arrays.items()
-        if value.size == max(value.shape, default=0) > 1 and value.size in shape
+        if name not in used and value.size == max(value.shape, default=0) > 1 and value.size in shape
         and not np.iscomplexobj(value) and not _CIRCULAR.search(_last(name))
         and (np.all(np.diff(value.ravel().astype(float)) > 0) or np.all(np.diff(value.ravel().astype(float)) < 0))
     ]  # fmt: skip

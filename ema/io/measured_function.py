@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -59,6 +60,38 @@ class MeasuredFunction:
 
 
 _MOST_DIGITS = 9
+
+
+Channels = tuple[MeasuredFunction, ...]
+"""Channels of one record of time histories."""
+
+
+def records_in(functions: Channels) -> tuple[tuple[Channels, ...], ...]:
+    """Return the records of time histories that a file holds one after the other: for each run those that are averaged.
+
+    A degree of freedom is in a record once. Where all come again equally often, they are blows or blocks of one run.
+    Where a force or a response moves, channels that follow each other in the same kinds are a record, and those with
+    the same degrees of freedom one run. Without degrees of freedom nothing tells records apart: there is one.
+    """
+    channels = tuple(f for f in functions if f.kind in ("force", "response"))
+    ends = [(f.kind, f.output) for f in channels]
+    counts = Counter(end for end in ends if end[1] is not None)
+    if max(counts.values(), default=1) == 1 or any(f.output is None for f in channels):
+        return ((functions,),)
+    if len(set(counts.values())) == 1:
+        n_record = counts[ends[0]]
+        places = {end: [f for f, at in zip(channels, ends, strict=True) if at == end] for end in counts}
+        return (tuple(tuple(of_end[k] for of_end in places.values()) for k in range(n_record)),)
+    kinds = [kind for kind, _ in ends]
+    for n in (
+        n for n in range(2, len(kinds)) if len(kinds) % n == 0 and kinds == kinds[:n] * (len(kinds) // n)
+    ):
+        of_run: dict[frozenset[Any], list[Channels]] = defaultdict(list)
+        for k in range(0, len(kinds), n):
+            of_run[frozenset(ends[k : k + n])].append(channels[k : k + n])
+        if len(set(kinds[:n])) == 2 and all(len(run) == n for run in of_run):
+            return tuple(map(tuple, of_run.values()))
+    return ((functions,),)
 
 
 def rate_of_rounded(time: NDArray[np.float64], *, fewest: int = 10, longest: float = 1e9) -> float | None:

@@ -97,6 +97,11 @@ UNSTATED = (
     "what it is, in the campaign file"
 )
 """What a note says of a unit that nobody stated, after the file and the data set."""
+OF_DATA_TYPE = (
+    "that of its data type is taken, which may be another; say [measurement] unit = 'g/N', or what it is, in the "
+    "campaign file"
+)
+"""What a note says of a unit label that is not understood, after the file, the data set and the label."""
 REAL = "its values are real, and those of an FRF are complex: it holds magnitudes or one part alone; it is not used"
 """What a note says of an FRF without its other part, after the file and the data set."""
 NOT_OVER_FORCE = "it is no response over a force but"
@@ -450,7 +455,7 @@ def _axis_unit(record: Record58, axis: str, units: FileUnits, notes: list[str]) 
     try:
         from_label = parse_unit(label)
     except MeasurementError as error:
-        notes.append(f"{record.where}: field '{axis} units label': {error}; its data type {code} is used")
+        notes.append(f"{record.where}: field '{axis} units label': {error}; {OF_DATA_TYPE}")
         return from_type
     if from_label.volt:
         notes.append(f"{record.where}: {axis}: {VOLTS} {label}")

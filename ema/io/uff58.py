@@ -321,6 +321,8 @@ def _fields(line: bytes, fields: _Fields, prefix: str, where: str) -> dict[str, 
     for width, name, kind in fields:
         text = _decoded(line[position : position + width]).strip()
         position += width
+        if kind is float:
+            text = text.replace("D", "E").replace("d", "e")  # Fortran's exponents of double precision
         try:
             values[prefix + name] = kind(text or "0") if kind is not str else text
         except ValueError as error:

@@ -17,7 +17,8 @@ from ema.types.modal_model import ModalModel
 
 _ALONG = 1e-6  # that unit vectors may be off each other
 _TYPE_OF_MOTION: dict[Quantity, int] = {"receptance": 8, "mobility": 11, "accelerance": 12}
-_LABEL_OF_MOTION: dict[Quantity, str] = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
+LABEL_OF_MOTION: dict[Quantity, str] = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
+"""Unit of the response whose FRF each is."""
 
 
 def geometry_sets(geometry: Geometry) -> list[dict[str, Any]]:
@@ -100,7 +101,7 @@ def encoded_frfs(frf: FRF, geometry: Geometry) -> list[bytes]:
             ordinate = {
                 "function type": 4,
                 "ordinate numerator specific data type": _TYPE_OF_MOTION[frf.quantity],
-                "ordinate numerator units label": _LABEL_OF_MOTION[frf.quantity],
+                "ordinate numerator units label": LABEL_OF_MOTION[frf.quantity],
                 "ordinate denominator specific data type": 13,
                 "ordinate denominator units label": "N",
             }

@@ -39,8 +39,11 @@ _UNITS: dict[str, tuple[float, int, int, int]] = {
     "kp": (9.80665, 0, 0, 1),
     "kg": (1.0, -1, 2, 1),
     "Pa": (1.0, -2, 0, 1),
+    **dict.fromkeys(("gs", "grav"), (9.80665, 1, -2, 0)),
+    **dict.fromkeys(("newton", "newtons"), (1.0, 0, 0, 1)),
+    **dict.fromkeys(("pound", "pounds"), (4.4482216152605, 0, 0, 1)),
 }
-_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6}
+_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "Volt": 1.0, "Volts": 1.0, "volts": 1.0}
 """What sensors give, whose sensitivity makes a motion or a force of it."""
 _FOLDED = {label.casefold(): value for label, value in reversed(_UNITS.items())}
 _SPELLING = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "·": "*", "×": "*", "[": "(", "]": ")"})
@@ -110,7 +113,7 @@ def parse_unit(label: str) -> Unit:
     MeasurementError
         The label is not understood; the message names the part that is not.
     """
-    text = label.strip().strip("\"'").translate(_SPELLING).replace("**", "^")
+    text = label.strip().strip("\"'").translate(_SPELLING).replace("**", "^").replace("'s", "s")  # g's
     text = re.sub(r"(?<=[\w)]) +(?=[A-Za-z(])", "*", text.strip()).replace(
         " ", ""
     )  # a blank between units multiplies
@@ -167,6 +170,10 @@ def _power(name: str, exponent: str | None, label: str) -> tuple[float, _Exponen
     if known is None:
         return _VOLTS[name] ** power, (0, 0, 0, power)
     return known[0] ** power, (known[1] * power, known[2] * power, known[3] * power, 0)
+
+
+NOT_UNDERSTOOD = re.compile(r"the unit ['\"](.+?)['\"] is not understood")
+"""What a message says of a unit that is none; its group is the unit."""
 
 
 def _not_understood(label: str, part: str) -> MeasurementError:

@@ -14,6 +14,7 @@ from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
 from ema.io.contents import unit_in
+from ema.io.measured_function import records_in
 from ema.io.uff import read_uff_functions
 from ema.io.uff58 import encode_58b
 from ema.io.units import parse_unit
@@ -197,6 +198,95 @@ def test_h1_in_a_name_outweighs_fft(tmp_path):
 def test_units_with_negative_powers(label):
     unit = parse_unit(label)
     assert (unit.factor, unit.frf) == (1.0, "accelerance")
+
+
+@pytest.mark.parametrize(
+    ("label", "factor"),
+    [("g's/lbf", 2.204623), ("Gs/N", 9.80665), ("g/Newtons", 9.80665), ("g/Pounds", 2.204623)],
+)
+def test_units_as_programs_spell_them(label, factor):
+    """ME'scope writes g's and Gs, LabVIEW Newtons and Pounds."""
+    assert parse_unit(label).factor == pytest.approx(factor)
+
+
+def test_a_label_that_is_not_understood_is_asked_for(tmp_path):
+    """It was once taken as SI, ten times off where it was another spelling of g."""
+    write(tmp_path, {"ordinate numerator units label": "gee"})
+    (tmp_path / "points.csv").write_text(POINTS)
+    missing = draft_file(draft(tmp_path)).missing
+    assert any(line.startswith("measurement.unit: the file states gee, which is not") for line in missing)
+    assert any("'gee' is not understood" in note and "unit = " in note for note in campaign(tmp_path).notes)
+
+
+def test_fortran_s_exponents_in_the_header_of_a_universal_file(tmp_path):
+    file = write(tmp_path, {})
+    file.write_bytes(file.read_bytes().replace(b"5.0000000e-01", b"5.0000000D-01"))
+    (function,), _ = read_uff_functions(file)
+    np.testing.assert_allclose(function.abscissa, 0.5 * np.arange(40))
+
+
+FORCE = {
+    "function type": 1, "response node": 2, "reference node": 0, "ordinate numerator specific data type": 13,
+    "ordinate numerator units label": "N", "abscissa units label": "s",
+}  # fmt: skip
+RESPONSE = FORCE | {
+    "response node": 1, "ordinate numerator specific data type": 12, "ordinate numerator units label": "m/s^2",
+}  # fmt: skip
+
+
+def at(header, node):
+    return header | {"response node": node}
+
+
+@pytest.mark.parametrize(
+    ("headers", "runs"),
+    [
+        ([FORCE, RESPONSE, at(RESPONSE, 3)], [1]),
+        ([FORCE, RESPONSE, at(RESPONSE, 3)] * 4, [4]),
+        ([FORCE] * 3 + [RESPONSE] * 3, [3]),
+        ([FORCE, RESPONSE] * 2 + [at(FORCE, 3), RESPONSE] * 3, [2, 3]),
+        ([FORCE, at(FORCE, 3), RESPONSE, at(RESPONSE, 4)], [1]),
+        ([RESPONSE, FORCE, at(RESPONSE, 3), FORCE], [1, 1]),
+        ([at(FORCE, 0), at(RESPONSE, 0), at(RESPONSE, 0)], [1]),
+    ],
+)
+def test_blows_and_runs_in_one_universal_file(tmp_path, headers, runs):
+    """Three blows at one point once passed for three forces at once."""
+    functions, _ = read_uff_functions(write(tmp_path, *headers, value=VALUE.real))
+    assert [len(run) for run in records_in(functions)] == runs
+
+
+def test_universal_files_of_responses_alone_are_refused(tmp_path):
+    write(tmp_path, RESPONSE, at(RESPONSE, 3), value=VALUE.real)
+    with pytest.raises(CampaignError, match=r"of motions \(1\+z \[m/s\^2\], 3\+z .*an FRF needs a force"):
+        draft(tmp_path)
+
+
+def test_counts_of_samples_are_no_sampling_rate(tmp_path):
+    """LabVIEW writes the step of times and frequencies, and beside it how many samples there are."""
+    properties = {"wf_samples": 4096, "wf_increment": 1 / 1024, "wf_start_offset": 0.0}
+    rng = np.random.default_rng(0)
+    pulse = np.zeros(4096)
+    pulse[100:104] = 1.0
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(
+            [
+                ChannelObject("log", name, value, properties)
+                for name, value in (("hammer", pulse), ("acc", rng.standard_normal(4096)))
+            ]
+        )
+    (contents,) = draft(tmp_path).contents
+    assert contents.keys["sampling_Hz"] == 1024.0
+    frf = {"wf_samples": 40, "wf_increment": 0.25, "wf_start_offset": 5.0}
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment(
+            [
+                ChannelObject("frf", f"H {part}", value, frf)
+                for part, value in (("real", VALUE.real), ("imag", VALUE.imag))
+            ]
+        )
+    (contents,) = draft(tmp_path).contents
+    assert (contents.keys["axis_start"], contents.keys["axis_step"]) == (5.0, 0.25)
 
 
 def test_a_unit_in_quotes():
