@@ -63,14 +63,29 @@ def write_small_campaign():
 
 
 @pytest.fixture(scope="session")
-def small(tmp_path_factory, write_small_campaign):
-    """A campaign of four configurations, and the folder of what `fit_campaign` made of it without a break."""
-    folder = tmp_path_factory.mktemp("small")
-    campaign = write_small_campaign(folder, 4)
-    done = tuple(fit_campaign(campaign, folder / "out", 0.8, Console(quiet=True)))
-    assert len(done) == 4
-    assert not any(isinstance(one, Failed) for one in done)
-    return campaign, folder / "out"
+def small(tmp_path_factory, worker_id, write_small_campaign):
+    """A campaign of four configurations, and the folder of what `fit_campaign` made of it without a break.
+
+    One worker makes them, each has a copy.
+    """
+
+    def make(folder):
+        folder.mkdir()
+        campaign = write_small_campaign(folder, 4)
+        done = tuple(fit_campaign(campaign, folder / "out", 0.8, Console(quiet=True)))
+        assert len(done) == 4
+        assert not any(isinstance(one, Failed) for one in done)
+
+    folder = tmp_path_factory.mktemp("small") / "campaign"
+    if worker_id == "master":
+        make(folder)
+    else:
+        shared = tmp_path_factory.getbasetemp().parent / "small"
+        with FileLock(f"{shared}.lock"):
+            if not shared.exists():
+                make(shared)
+        shutil.copytree(shared, folder)
+    return folder / "campaign.toml", folder / "out"
 
 
 @pytest.fixture(scope="session")

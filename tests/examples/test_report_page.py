@@ -24,9 +24,10 @@ from updating.errors import StoreError
 from updating.report import page as page_module
 from updating.report.files import NAMES, print_pdf
 from updating.report.frf_part import frf_picture
+from updating.report.identified_model import Addition, identified_model
 from updating.report.modes_part import modes_section
 from updating.report.page import titles, write_report
-from updating.report.part import Section, Table, of_model, packed, renderer
+from updating.report.part import Gallery, Picture, Section, Table, of_model, packed, renderer
 from updating.report.results import read_results
 from updating.results.text import Z95, uncertain
 
@@ -280,6 +281,29 @@ def test_the_fitted_model_is_drawn_over_the_functions_and_its_numbers_stand_besi
         assert frac(measured, modes) > 0.9998
         assert frac(measured, model) > 0.999
         assert np.linalg.norm(model - measured) < 0.03 * np.linalg.norm(measured)  # in size and sign too
+
+
+def test_all_of_a_configuration_is_shown_with_both_models(small, undrawn):
+    tested = read_results(small[1]).tested[0]
+    addition = Addition(
+        effects=("lost_contact_middle",), value={"middle_loss": 0.4}, source=small[1] / "diagnosis.json"
+    )
+    own = replace(tested, identified=identified_model(None, addition, tested))
+    section = page_module.configuration_section(own, None, {})
+    shown = [block for part in section.parts for block in part.blocks]
+    for kind in (Table, Picture, Gallery):
+        models = [block.model for block in shown if isinstance(block, kind)]
+        assert models.count("found") == models.count("base") > 0, kind
+    (functions,) = (block for block in shown if block.model == "both")
+    names, *rows = csv.reader(functions.data.splitlines())
+    column = dict(zip(names, np.array(rows, float).T, strict=True))
+    base = [name for name in names if "base model" in name]
+    assert len(base) == 6  # three functions are printed, each with real and imaginary parts
+    for name in base:
+        found = column[name.replace("base model", "with what was identified")]
+        assert 1e-3 < np.linalg.norm(found - column[name]) / np.linalg.norm(found) < 1.0
+    text = page_module.render("title", (section,))
+    assert text.count('<div data-model="found">') == text.count('<div data-model="base">') > 3
 
 
 def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
