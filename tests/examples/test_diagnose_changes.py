@@ -18,12 +18,6 @@ from plate_world import DENSITY, LENGTH, POISSON, THICKNESS, WIDTH, YOUNG, Edge,
 EDGE = Edge(translation=1e7, rotation=3e3)
 PLACE = (0.08, 0.06)
 MASS = 0.15
-STATES = {
-    "before": measured(EDGE, seed=1),
-    "again": measured(EDGE, seed=2),
-    "same": measured(EDGE, seed=3),
-    "heavier": measured(EDGE, seed=4, mass=(*PLACE, MASS)),
-}
 STACK = f"""
 name = "plate"
 length_mm = {1e3 * LENGTH}
@@ -47,16 +41,22 @@ condition = "clamped"
 def folder(tmp_path_factory):
     """Return a folder with a campaign of a plate held along its left edge, with and without a mass on it."""
     folder = tmp_path_factory.mktemp("plate")
+    states = {
+        "before": measured(EDGE, seed=1),
+        "again": measured(EDGE, seed=2),
+        "same": measured(EDGE, seed=3),
+        "heavier": measured(EDGE, seed=4, mass=(*PLACE, MASS)),
+    }
     text = '[campaign]\nname = "plate"\n[structure]\nstack = "stack.toml"\n'
     text += '[points]\nfile = "points.csv"\nunit = "m"\n'
-    for name, modes in STATES.items():
+    for name, modes in states.items():
         ema.write_modes_csv(folder / f"{name}_modes.csv", modes)
         ema.write_shapes_csv(folder / f"{name}_shapes.csv", modes)
         text += f'[[configuration]]\nname = "{name}"\nmodes = "file"\ninput = "35+z"\npressure_kPa = 100\n'
         text += f'files = ["{name}_modes.csv", "{name}_shapes.csv"]\n'
         text += 'repeat_of = "before"\n' if name == "again" else ""
         text += 'compare_to = "before"\n' if name in ("same", "heavier") else ""
-    geometry = STATES["before"].geometry
+    geometry = states["before"].geometry
     rows = zip(geometry.node.tolist(), geometry.coordinate.tolist(), strict=True)
     points = ["node,x,y,z", *(f"{n},{x},{y},{z}" for n, (x, y, z) in rows)]
     (folder / "points.csv").write_text("\n".join(points) + "\n")

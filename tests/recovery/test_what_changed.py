@@ -43,8 +43,8 @@ def identified(name, highest=900.0):
 
 
 @cache
-def fitted(*names):
-    """Return the model of the plate, clamped along its front edge, beside a reference."""
+def plate_model():
+    """Return the model of the plate, clamped along its front edge; all states have the same points."""
     stack = model.Stack(
         name="plate",
         length=0.300,
@@ -56,8 +56,13 @@ def fitted(*names):
         supports=(EdgeSupport(edge="front", along=np.inf, across=np.inf, rotation=np.inf),),
     )
     effects = {"support_compliance": model.catalogue()["support_compliance"]}
-    candidates = candidate_model(stack, instruments_of(identified(names[0])), effects)
-    return fit_reference(candidates, [(name, PRESSURE, identified(name)) for name in names])
+    return candidate_model(stack, instruments_of(identified("A1")), effects)
+
+
+@cache
+def fitted(*names):
+    """Return the model of the plate beside a reference."""
+    return fit_reference(plate_model(), [(name, PRESSURE, identified(name)) for name in names])
 
 
 def found(state, *reference):

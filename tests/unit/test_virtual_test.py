@@ -11,6 +11,7 @@ import ema
 import model
 from tests.studies.modal_data import QUICK_MESH, ModalNoise, simulate_modes
 from updating.errors import FitError
+from updating.results.store import digest
 from updating.virtual.campaign import write_virtual_test
 from updating.virtual.measurement import Dynamics, dynamics, loaded_response, poles, simulate, true_modes
 from updating.virtual.vibration_test import Averaging, drawn_deviations, read_virtual_test, specimens
@@ -92,6 +93,23 @@ def bench(test):
     return specimen, model.reduce(specimen.stack)
 
 
+REDUCED = {}
+
+
+@pytest.fixture
+def reduced_once(monkeypatch):
+    """Reduce each stack once for all tests that ask for the same; what differs among them comes after."""
+    anew = model.reduce
+
+    def kept(stack, **settings):
+        key = digest({"stack": stack, **settings})
+        if key not in REDUCED:
+            REDUCED[key] = anew(stack, **settings)
+        return REDUCED[key]
+
+    monkeypatch.setattr(model, "reduce", kept)
+
+
 def test_the_bench_holds_what_was_given_and_what_the_seed_draws(test):
     first, second = specimens(test)
     assert first.configuration.pressure == pytest.approx(1.05 * 160e3)
@@ -143,7 +161,7 @@ def test_a_pole_that_is_met_to_the_last_bit_is_found():
     np.testing.assert_allclose(found, [1j, 2j], rtol=1e-12)
 
 
-def test_functions_without_noise_have_the_true_poles(test):
+def test_functions_without_noise_have_the_true_poles(test, reduced_once):
     one = replace(
         test,
         configurations=test.configurations[:1],
@@ -184,7 +202,7 @@ def test_poles_of_frequency_dependent_stacks_are_those_of_their_own_frequency(te
     assert np.all(true.damping[:3] > plain.damping[:3] + 1e-3)
 
 
-def test_averages_without_noise_give_the_clean_functions(test):
+def test_averages_without_noise_give_the_clean_functions(test, reduced_once):
     one = replace(test, configurations=test.configurations[:1], deviation={})
     exact = replace(one, averaging=Averaging(n_average=4, force_noise=0.0, response_noise=0.0))
     clean = replace(one, averaging=None, noise=0.0)
@@ -193,7 +211,7 @@ def test_averages_without_noise_give_the_clean_functions(test):
         np.testing.assert_allclose(a.coherence, 1.0, rtol=1e-10)
 
 
-def test_the_scatter_of_h1_is_that_of_its_coherence(test):
+def test_the_scatter_of_h1_is_that_of_its_coherence(test, reduced_once):
     averaging = Averaging(n_average=64, force_noise=0.01, response_noise=0.02)
     one = replace(test, configurations=test.configurations[:1], deviation={}, averaging=averaging)
     clean = simulate(replace(one, averaging=None, noise=0.0))["M1"][0].value
@@ -227,7 +245,7 @@ def test_files_are_read_back_as_simulated_and_the_same_seed_gives_the_same_bytes
     assert "contact_loss" not in text
 
 
-def test_modal_data_scatter_as_stated(test):
+def test_modal_data_scatter_as_stated(test, reduced_once):
     one = replace(test, configurations=test.configurations[:1], deviation={}, spread={})
     noise = ModalNoise(frequency=1e-3, damping=0.05, shape=0.02)
     measured, true = simulate_modes(one, noise)["M1"]
@@ -240,7 +258,7 @@ def test_modal_data_scatter_as_stated(test):
     np.testing.assert_array_equal(again.shape, measured.shape)
 
 
-def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch):
+def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch, reduced_once):
     one = replace(test, configurations=test.configurations[:1], deviation={}, spread={})
     drawn, _ = simulate_modes(one, ModalNoise())["M1"]
 
