@@ -132,6 +132,10 @@ SUFFIXES: dict[str, Format] = {
 }  # fmt: skip
 """Formats by suffix; whatever has another one is text."""
 
+_UNIVERSAL = re.compile(rb"(?:\xef\xbb\xbf)?\s*-1 *\r?\n(?: *-1 *\r?\n)* {0,6}\d{2,4}[bB]?\b")
+"""How a universal file begins: a delimiter and the number of a data set."""
+_BEGINNING = 400  # bytes of a file that are looked at
+
 NOT_READ = {
     ".frf": "a format of one program: export its FRFs as a universal file (58)",
     ".lms": "a format of one program: export its FRFs as a universal file (58)",
@@ -145,8 +149,15 @@ NOT_READ = {
 
 
 def format_of(file: Path, stated: Format | None = None) -> Format:
-    """Return the format of a file: the stated one, else that of its suffix."""
-    return stated or SUFFIXES.get(file.suffix.lower(), "csv")
+    """Return the format of a file: the stated one, else that of its suffix, or of a universal file called otherwise."""
+    known = stated or SUFFIXES.get(file.suffix.lower())
+    if known is not None:
+        return known
+    try:
+        with file.open("rb") as begin:
+            return "uff" if _UNIVERSAL.match(begin.read(_BEGINNING)) else "csv"
+    except (OSError, ValueError):
+        return "csv"  # reading it says what is wrong
 
 
 def named_files(

@@ -159,12 +159,13 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         left_out.append(f"{file}: is {NOT_READ[suffix]}")
     if file.name.startswith("."):
         return None
-    if suffix not in (*SUFFIXES, *_TEXT_SUFFIXES):
-        if suffix not in (*NOT_READ, *_NO_DATA):
-            left_out.append(f"{file}: its suffix {suffix!r} is none of a format that is read")
+    known = suffix in (*SUFFIXES, *_TEXT_SUFFIXES)
+    if not known and suffix in (*NOT_READ, *_NO_DATA):
         return None
     try:
         kind = format_of(file)
+        if not known and kind != "uff":
+            return _called_otherwise(file, left_out)
         if kind == "uff":
             return _universal(file)
         if kind == "numpy" and holds_data_arrays(file):
@@ -182,8 +183,16 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         return None
     contents = _at_point(guess_table(file))
     if contents is None:
-        said = not_understood(file) or "no rows of two or more columns of numbers"
-        left_out.append(f"{file}: {said}")
+        left_out.append(f"{file}: {not_understood(file)}")
+    return contents
+
+
+def _called_otherwise(file: Path, left_out: list[str]) -> Contents | None:
+    """Return what a file of an unknown suffix holds whose titles tell that it is a table of FRFs or histories."""
+    contents = None if _lists_points(file) else _at_point(guess_table(file))
+    if contents is None or contents.by_numbers:
+        left_out.append(f"{file}: its suffix {file.suffix.lower()!r} is none of a format that is read")
+        return None
     return contents
 
 

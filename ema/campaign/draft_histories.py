@@ -29,6 +29,8 @@ Set = tuple[Contents, ...]
 _FORCE_FILE = re.compile(
     r"^(f|force|forces|hammer|ham|impact|kraft|sila|kladivo|exc|excitation|input)$", re.IGNORECASE
 )
+_MOTION = re.compile(r"^a(cc)?[ _]?[xyz]$|accel|^acc\b|beschl|\bveloc|displac|pospe[sš]", re.IGNORECASE)
+"""What a channel of a motion may be called, in English, German or Slovene."""
 _BLOW = re.compile(r"(hit|blow|strike|schlag|udar\w*|rep|repeat|average|avg|trial)[ _-]*\d+", re.IGNORECASE)
 
 
@@ -214,9 +216,15 @@ def of_motions_alone(files: Set) -> bool:
 
 
 def _are_motions(titles: list[str], count: int) -> NDArray[np.bool_]:
-    """Tell of channels whether their titles state the unit of a motion: such a one is no force, whatever its form."""
-    units = [_unit(title) for title in titles] if len(titles) == count else [None] * count
-    return np.array([unit is not None and _is_motion(parse_unit(unit)) for unit in units], dtype=bool)
+    """Tell of channels whether titles state the unit or the name of a motion: no force, whatever its form."""
+    if len(titles) != count:
+        return np.zeros(count, dtype=bool)
+    units = [_unit(title) for title in titles]
+    called = [
+        unit is None and _MOTION.search(title) is not None for unit, title in zip(units, titles, strict=True)
+    ]
+    stated = [unit is not None and _is_motion(parse_unit(unit)) for unit in units]
+    return np.array(called) | np.array(stated)
 
 
 def _of_one_length(record: list[MeasuredFunction]) -> bool:

@@ -89,6 +89,8 @@ def read_form(path: Path, form: type[Form], error: type[Exception]) -> Form:
     except (ValueError, RecursionError) as cause:  # brackets by the thousand
         message = f"{path}: not valid TOML: {cause}"
         raise error(message) from cause
+    if unfilled := list(_unfilled(given)):
+        raise error("\n".join(f'{path}: {key}: is to be filled in, "?" stands there' for key in unfilled))
     try:
         return form.model_validate_json(json.dumps(given, default=str), strict=True)  # or true would be 1
     except ValidationError as cause:
@@ -110,6 +112,18 @@ def read_toml(path: Path) -> dict[str, Any]:
         It is not TOML.
     """
     return tomllib.loads(plain_bytes(path).decode("utf-8-sig"))
+
+
+def _unfilled(given: Any, key: str = "") -> Iterator[str]:
+    """Give the keys whose value is "?", which `lamella new` writes for what nobody can guess."""
+    if given == "?":
+        yield key
+    elif isinstance(given, dict):
+        for name, value in given.items():
+            yield from _unfilled(value, f"{key}.{name}".lstrip("."))
+    elif isinstance(given, list):
+        for number, value in enumerate(given, start=1):
+            yield from _unfilled(value, f"{key}[{number}]")
 
 
 def _explained(fault: dict[str, Any], form: type[BaseModel]) -> str:

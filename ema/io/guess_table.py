@@ -59,8 +59,16 @@ _NUMBER = r"[^0-9\n]{0,20}(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
 _RATE = rf"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtast(?:rate|freq\w*)|vzor[cč]enj\w*){_NUMBER}\s*(khz)?"
 _STEP = rf"(?:delta_x|sampl\w*[ _]?(?:interval|period|time)|abtastint\w*){_NUMBER}\s*(ms)?"
 _FACTORS = {
-    "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi), "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
+    "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi), "ms": 1e-3, "msec": 1e-3, "milli": 1e-3, "µs": 1e-6, "us": 1e-6,
+    "micro": 1e-6, "ns": 1e-9, "nano": 1e-9,
 }  # fmt: skip
+_EPOCHS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
+"""Least time since 1970 of these years in ns, us and ms, and its unit in s; in s it is some 1e9."""
+_COMMENT = re.compile(r"^(#+|%+|;|//|\*(?!\*)) *")
+_TITLE_OF_TIME = (
+    r"\btime|\bdate|\bzeit|\b[cč]as\b|^t\b|[\[(]s[\])]|\b(milli|micro|nano)(s\b|sec)|\bsec(onds?|s)?\b|elapsed|"
+    r"epoch"
+)
 _DELIMITERS = ("tab", "semicolon", "comma", "space")  # in the order in which they are tried
 _KINDS = (
     ("coherence", r"[ck]oh[eä]|\bcoh|gamma"),
@@ -69,6 +77,8 @@ _KINDS = (
     ("real", r"\bre(al\w*)?\b"),
     ("magnitude", r"\bmag\w*|\bamp\w*|\babs\b|\bdb\b|modulus|betrag"),
 )  # fmt: skip
+FEWEST_ROWS = 10
+"""Rows of numbers of a table; less is no measured function."""
 _PAIRS = {"real-imaginary": ("real", "imaginary"), "magnitude-phase": ("magnitude", "phase")}
 
 
@@ -220,11 +230,11 @@ def _guess(path: Path, text: _Text) -> Contents | None:
     )
 
 
-def not_understood(path: Path) -> str | None:
-    """Return in words what a table of numbers lacks to be a measurement; None where it is no such table."""
+def not_understood(path: Path) -> str:
+    """Return in words what a text file lacks to be a measurement."""
     text = _cut(path)
     if text is None:
-        return None
+        return _no_table(path)
     width = text.value.shape[1]
     titles = ", ".join(filter(None, (text.title(c) for c in range(width))))
     spectrum = _spectrum_in(text, list(range(1, width)))
@@ -248,6 +258,38 @@ def not_understood(path: Path) -> str | None:
         f"{columns}none of frequencies or times before them; write a campaign file by hand, with layout, "
         "axis_column = 0 and axis_step, or of histories sampling_Hz, under [measurement.table]"
     )
+
+
+def _no_table(path: Path, *, most_shown: int = 60) -> str:
+    """Return in words why a text file holds no table of numbers, with a row from its middle.
+
+    `most_shown`: characters of the row.
+    """
+    lacking = "no rows of two or more columns of numbers"
+    try:
+        data = unpacked(path.read_bytes(), path.suffix)
+        text = data.decode(encoding_of(data) or "utf-8", errors="replace")
+    except (OSError, EOFError, LookupError, gzip.zlib.error):  # type: ignore[attr-defined]
+        return lacking
+    rows = [row for row in text.splitlines() if row.strip()]
+    if not rows:
+        return f"{lacking}: it is empty"
+    row = rows[len(rows) // 2]
+    numbers = [
+        cells for d in _DELIMITERS for cells in (row.split(SEPARATORS[d])[1:],) if len(cells) >= FEWEST_ROWS
+    ]
+    if any(all(map(_is_number, cells)) for cells in numbers):
+        return f"{lacking}: each row holds a function behind its name; write functions in columns, frequencies first"
+    shown = row.strip() if len(row.strip()) <= most_shown else f"{row.strip()[:most_shown]}..."
+    return f"{lacking}, but such as {shown!r}: export frequencies with real and imaginary parts beside them as numbers"
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        number(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _other_ratio_in(text: _Text) -> str:
@@ -302,8 +344,7 @@ def _spectrum_in(text: _Text, columns: list[int]) -> str:
 def _cut(
     path: Path,
     *,
-    # Of numbers; less is no measured function.
-    fewest_rows: int = 10,
+    fewest_rows: int = FEWEST_ROWS,
     # Rows of numbers.
     looked_at: int = 400,
     # Rows.
@@ -354,8 +395,8 @@ def _titles(row: str, delimiter: str) -> list[str]:
 
 
 def _uncommented(row: str) -> str:
-    """Return a row of a header without the sign of a comment before it, as NumPy and gnuplot write it."""
-    return row.lstrip("#%").lstrip(" ") if row.startswith(("#", "%")) else row
+    """Return a row of a header without the sign of a comment before it: of NumPy, gnuplot, MATLAB, or an FRD file."""
+    return _COMMENT.sub("", row)
 
 
 def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
@@ -375,7 +416,8 @@ def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesse
     if columns != list(range(1, text.value.shape[1])):
         keys["columns"] = [[c + 1] for c in columns]
     time = text.value[:, axis].real
-    factor = _axis_factor(text, axis, r"\b[mµu]s\b|msec")
+    factor = _axis_factor(text, axis, r"\b[mµun]s\b|msec|milli|micro|nano")
+    factor = next((f for least, f in _EPOCHS if time[0] > least), factor)
     if factor != 1.0:
         keys["sampling_Hz"] = float(f"{1.0 / _axis_keys(time, factor)['axis_step']:.9g}")
         guesses.append("the times are not in s")
@@ -463,7 +505,7 @@ def _axis(text: _Text) -> int | None:
 def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
     """Whether an axis is the time: its title or the header says so or, without one, its step is none of a frequency."""
     title = text.title(axis).lower()
-    if re.search(r"\btime\b|\bzeit\b|\b[cč]as\b|^t\b|[\[(]s[\])]", title):
+    if re.search(_TITLE_OF_TIME, title):
         return True
     header = text.words.lower()
     titles = [text.title(c).lower() for c in range(axis + 1, text.value.shape[1])]

@@ -27,6 +27,10 @@ _NO_NUMBER = re.compile(
 )
 """What Microsoft's C library, spreadsheets and MATLAB's neighbours write in place of a number that is none."""
 _INFINITE = re.compile(r"([+-]?)1\.#INF\w*", re.IGNORECASE)
+_TIME_OF_DAY = re.compile(
+    r"(?:\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?"
+)
+"""A time as recorders write it, ``10:15:20.001`` or ``2021-03-01T10:15:20.001``; the day does not matter."""
 _QUOTED = re.compile(r'"([^"]*)"|(\S+)')
 
 
@@ -143,7 +147,10 @@ def _with_letter(text: str) -> str:
 
 
 def number(word: str) -> complex:
-    """Return the number that a cell holds, real or complex; a ValueError where it holds none."""
+    """Return the number that a cell holds, real or complex, of a time of day its seconds; a ValueError without one."""
+    if ":" in word and (clock := _TIME_OF_DAY.fullmatch(word.strip("\"' "))) is not None:
+        hours, minutes, seconds = clock.groups()
+        return complex(3600 * int(hours) + 60 * int(minutes) + float(seconds.replace(",", ".")))
     compact = word.replace(" ", "").strip("()\"'")
     # "i" alone, and not that of "inf", is the other spelling of the imaginary unit
     compact = compact[:-1] + "j" if compact.endswith(("i", "I", "J")) else compact

@@ -139,8 +139,9 @@ def read_records(
     _require_quotes(path, layout, rows)
     records: list[tuple[MeasuredFunction, ...]] = []
     end = None
+    heads = frozenset(filter(None, (row.strip() for row in rows[: layout.header_rows])))
     for segment in segments_of(rows, layout.header_rows):
-        functions = _record(path, layout, segment, unit)
+        functions = _record(path, layout, segment, heads, unit)
         step = float(np.diff(functions[0].abscissa).mean()) if functions[0].abscissa.size > 1 else 0.0
         goes_on = end is not None and abs(segment.start - end) < same_start * step and layout.layout == "time"
         if goes_on and len(functions) == len(records[-1]):
@@ -172,10 +173,10 @@ def _require_quotes(path: Path, layout: TableLayout, rows: list[str]) -> None:
 
 
 def _record(
-    path: Path, layout: TableLayout, segment: Segment, unit: Unit | None
+    path: Path, layout: TableLayout, segment: Segment, heads: frozenset[str], unit: Unit | None
 ) -> tuple[MeasuredFunction, ...]:
-    """Return the functions of the rows of one segment."""
-    rows = _rows(path, layout, segment.rows)
+    """Return the functions of the rows of one segment, in which rows of the header may come again on every page."""
+    rows = _rows(path, layout, [row for row in segment.rows if row.strip() not in heads])
     width = len(cells_of(rows[0], layout.delimiter))
     columns = layout.columns or _all_columns(width, layout, path)
     used = [*(c for group in columns for c in group), *layout.coherence_columns]

@@ -97,11 +97,8 @@ UNSTATED = (
     "what it is, in the campaign file"
 )
 """What a note says of a unit that nobody stated, after the file and the data set."""
-OF_DATA_TYPE = (
-    "that of its data type is taken, which may be another; say [measurement] unit = 'g/N', or what it is, in the "
-    "campaign file"
-)
-"""What a note says of a unit label that is not understood, after the file, the data set and the label."""
+OF_DATA_TYPE = "that of its data type is taken; if it is another, say [measurement] unit in the campaign file"
+"""What a note says of a unit label that is not understood, behind it."""
 REAL = "its values are real, and those of an FRF are complex: it holds magnitudes or one part alone; it is not used"
 """What a note says of an FRF without its other part, after the file and the data set."""
 NOT_OVER_FORCE = "it is no response over a force but"

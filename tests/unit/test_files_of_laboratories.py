@@ -289,6 +289,41 @@ def test_counts_of_samples_are_no_sampling_rate(tmp_path):
     assert (contents.keys["axis_start"], contents.keys["axis_step"]) == (5.0, 0.25)
 
 
+@pytest.mark.parametrize(
+    ("title", "written"),
+    [
+        ("Time", lambda t: f"10:15:{20 + t:09.6f}"),
+        ("Date", lambda t: f"2021-03-01T10:15:{20 + t:09.6f}Z"),
+        ("timestamp", lambda t: f"{1.6e9 + t:.6f}"),
+        ("timestamp", lambda t: f"{1.6e12 + 1e3 * t:.3f}"),
+        ("timestamp_ns", lambda t: f"{1.6e18 + 1e9 * t:.0f}"),
+        ("millis", lambda t: f"{1e3 * t:.0f}"),
+    ],
+)
+def test_times_as_recorders_write_them(tmp_path, title, written):
+    """Clocks, and times since 1970, of which nothing was understood before."""
+    time = np.arange(600) / 250.0
+    pulse = np.where(np.arange(600) == 40, 50.0, 0.0)
+    ringing = np.sin(99.0 * time)
+    rows = (f"{written(t)},{f},{x:.6f}\n" for t, f, x in zip(time, pulse, ringing, strict=True))
+    (tmp_path / "hit1.csv").write_text(f"{title},force [N],acc [m/s^2]\n" + "".join(rows))
+    (tmp_path / "points.csv").write_text(POINTS)
+    text = re.sub(r"# (output|input) = .*", r'\1 = ["1+z"]', draft_file(draft(tmp_path)).text)
+    (tmp_path / "campaign.toml").write_text(text)
+    measured = read_measurement(read_campaign(tmp_path / "campaign.toml"), tmp_path.name)
+    np.testing.assert_allclose(measured.frf.frequency, np.arange(301) / 2.4, rtol=1e-5)
+
+
+def test_what_is_not_filled_in_is_named_by_its_keys(tmp_path):
+    """A "?" was once looked for among the variables of the file."""
+    np.save(tmp_path / "H.npy", np.tile(VALUE, (2, 1)))
+    (tmp_path / "campaign.toml").write_text(draft_file(draft(tmp_path)).text)
+    with pytest.raises(CampaignError) as fault:
+        read_campaign(tmp_path / "campaign.toml")
+    for key in ("measurement.unit", "measurement.variables.frequency", "configuration[1].output[1]"):
+        assert f'campaign.toml: {key}: is to be filled in, "?" stands there' in str(fault.value)
+
+
 def test_a_unit_in_quotes():
     assert unit_in('"Frequency" "Hz" "g/N"') == "g/N"
 

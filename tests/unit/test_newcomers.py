@@ -328,6 +328,18 @@ KINDS: dict[str, Kind] = {
     "text: columns that a program numbered": Kind(
         text(table(["Var1", *(f"Var{k}" for k in range(2, 8))])), said='layout = "real-imaginary"'
     ),
+    "text: titles that come again on every page": Kind(
+        text(
+            table(rows=PARTS[:200])
+            + "\n".join(table(rows=PARTS[k : k + 100]).rstrip("\n") for k in (200, 300))
+        )
+    ),
+    "text: a suffix of another program": Kind(
+        text("* Freq(Hz) Re(1+z) Im(1+z) Re(2+z) Im(2+z) Re(3+z) Im(3+z)\n" + table((), between=" "), "a.frd")
+    ),
+    "UFF: called as text": Kind(
+        lambda folder: (universal()(folder), (folder / "a.uff").rename(folder / "a.txt")), rtol=1e-6
+    ),
     "NumPy: functions from the highest frequency down": Kind(
         npz({"H": VALUE[::-1].T, "freq": FREQUENCY[::-1]})
     ),
@@ -393,6 +405,25 @@ REFUSED: dict[str, tuple[Write, str]] = {
             "t [s],a [m/s^2],b [g]\n" + "".join(f"{t:.3f},{np.sin(99 * t)},{np.cos(99 * t)}\n" for t in TIME)
         ),
         r"all its channels are of motions \(a \[m/s\^2\], b \[g\]\), and an FRF needs a force",
+    ),
+    "text: functions in rows": (
+        text(
+            "f,"
+            + ",".join(f"{x:g}" for x in FREQUENCY)
+            + "\n"
+            + "H,"
+            + ",".join(f"{x:g}" for x in FREQUENCY)
+            + "\n"
+        ),
+        "each row holds a function behind its name; write functions in columns",
+    ),
+    "text: numbers in brackets with their units": (
+        text("".join(f"{x:g}\t(1.5dB,20°)\n" for x in FREQUENCY), "a.txt"),
+        r"but such as '.*\(1.5dB,20°\)': export frequencies with real and imaginary parts",
+    ),
+    "text: accelerations without units": (
+        text("millis,ax,ay,az\n" + "".join(f"{k},{np.sin(k)},{np.cos(k)},1\n" for k in range(400))),
+        r"all its channels are of motions \(ax, ay, az\), and an FRF needs a force",
     ),
     "a file that stands beside measurements": (
         lambda folder: (folder / "frf.json").write_text("{}"),
