@@ -50,10 +50,11 @@ for name, own in modes.items():
 
 # %%
 # The map of the probability of the location after the transport: one of the clamps.
-from updating.report.change_part import map_figure
+from updating.report.change_part import map_chart
+from updating.report.chart import printed
 
-transport = map_figure(answers["change_a"])
+transport = printed(map_chart(answers["change_a"]), (5.0, 3.8))
 
 # %%
 # And after the repair.
-repair = map_figure(answers["change_b"])
+repair = printed(map_chart(answers["change_b"]), (5.0, 3.8))

@@ -122,27 +122,6 @@ def pole_groups(
     ]
 
 
-def mac_figure(
-    values: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]
-) -> Figure:
-    """Draw a MAC matrix ``(n_row, n_column)`` with the frequencies (Hz) of its rows and columns."""
-    from matplotlib.figure import Figure
-
-    n_row, n_column = values.shape
-    figure = Figure(figsize=(1.6 + 0.5 * n_column, 1.2 + 0.5 * n_row), layout="constrained")
-    axes = figure.subplots()
-    image = axes.imshow(values, cmap=palette.LIKENESS, vmin=0.0, vmax=1.0)
-    axes.set_xticks(range(n_column), [f"{f:.4g}" for f in columns], rotation=90)
-    axes.set_yticks(range(n_row), [f"{f:.4g}" for f in rows])
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("frequency [Hz]")
-    for (i, j), value in np.ndenumerate(values):
-        color = "white" if value > 0.6 else "black"
-        axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize="x-small", color=color)
-    figure.colorbar(image, label="MAC")
-    return figure
-
-
 def shape_figure(modal_model: ModalModel, mode: int) -> Figure:
     """Draw a mode shape as a wireframe of the measured points, its real approximation, over the rest shape.
 

@@ -16,11 +16,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from ema.identification.exchange import read_poles, write_poles
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import StabilizationDiagram, stabilization
-from ema.modal.mac import mac
 from ema.plot.figures import (
     PolePicker,
     frf_figure,
-    mac_figure,
     pick_poles,
     shape_figure,
     stabilization_figure,
@@ -72,13 +70,6 @@ def test_stabilization_figure_fills_the_clusters(beam: tuple[FRF, ModalModel]) -
     loose, clustered = axes.lines[:2]
     assert len(clustered.get_xdata()) == np.count_nonzero(diagram.stable)
     assert len(loose.get_xdata()) == np.count_nonzero(~diagram.stable)
-
-
-def test_mac_figure_prints_every_value(beam: tuple[FRF, ModalModel]) -> None:
-    model = beam[1]
-    values = mac(model.shape, model.shape)
-    axes = mac_figure(values, model.frequency, model.frequency).axes[0]
-    assert [t.get_text() for t in axes.texts] == [f"{v:.2f}" for v in values.ravel()]
 
 
 def test_shape_figure_moves_measured_points_only(beam: tuple[FRF, ModalModel]) -> None:

@@ -1,6 +1,5 @@
 """What a pooled diagnosis says in words, and its page."""
 
-import json
 from dataclasses import replace
 
 import pytest
@@ -232,12 +231,12 @@ def test_a_specimen_without_damping_is_not_given_that_of_the_others(tmp_path):
     assert [row[-1] for row in section.blocks[1].rows] == ["-", "-"]
     assert section.blocks[0].rows[0][6] == "-"
     assert "d_f" not in " ".join(section.text)
-    traces = json.loads(contact_chart(kept.specimens, "d_f", "treatment"))["data"]
+    traces = contact_chart(kept.specimens, "d_f", "treatment").traces
     assert [len(own["x"]) for own in traces] == [0, 2, 2]
 
 
 def test_specimens_of_one_treatment_have_one_colour():
-    traces = json.loads(contact_chart(answer().specimens, "G_f", "treatment"))["data"]
+    traces = contact_chart(answer().specimens, "G_f", "treatment").traces
     colour = {own["name"]: own["line"]["color"] for own in traces}
     assert colour["S1"] == colour["S3"] != colour["S2"]
     assert [own["y"] for own in traces] == [[1600.0, 1400.0]] * 3

@@ -10,7 +10,8 @@ import pytest
 
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
 from updating.report.answer import headline, opening
-from updating.report.change_part import mode_changes, mode_picture, step_figure, step_picture, steps
+from updating.report.change_part import mode_changes, mode_picture, step_chart, step_picture, steps
+from updating.report.chart import printed
 from updating.report.location_part import _surface
 from updating.report.results import Results
 
@@ -134,7 +135,7 @@ def test_the_way_of_the_error_goes_from_the_base_model_over_each_effect_to_what_
     assert [trace["measure"] for trace in drawn] == [["absolute", "relative", "relative", "total"]] * 2
     np.testing.assert_allclose(drawn[0]["y"][:3], [3.4, -2.4, -0.95])
     np.testing.assert_allclose(drawn[1]["y"][:3], [4.3, -2.7, -1.46])
-    bars = step_figure(way).axes[0].containers[1]
+    bars = printed(step_chart(way), (6.4, 3.6)).axes[0].containers[1]
     assert [b.get_height() for b in bars] == pytest.approx([4.3, 2.7, 1.46, 0.14])
     assert [b.get_y() for b in bars] == pytest.approx([0.0, 1.6, 0.14, 0.0])
 

@@ -9,11 +9,17 @@ import pytest
 from model import read_stack
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
 from updating.diagnosis.answer_parts import Moved
-from updating.diagnosis.signature_plot import signature_pattern_figure
 from updating.fitting.fit import Estimate, ParameterEstimate
 from updating.fitting.modal_table import TableFit, TableRow
 from updating.report.answer import answer_section, moved_table
-from updating.report.ledger_part import interval_table, ledger_figure, ledger_section, signature_section
+from updating.report.chart import printed
+from updating.report.ledger_part import (
+    interval_table,
+    ledger_chart,
+    ledger_section,
+    signature_chart,
+    signature_section,
+)
 from updating.report.page import provenance_section, render, sections
 from updating.report.results import Results
 from updating.results.ledger import Entry
@@ -64,8 +70,8 @@ def test_the_ledger_says_and_lists_what_the_best_effect_brings():
 
 
 def test_bars_of_the_ledger_are_its_errors():
-    figure = ledger_figure((entry(error=0.10, damping=0.3), entry("a", error=0.02, damping=0.2)))
-    frequency, damping = figure.axes
+    chart = ledger_chart((entry(error=0.10, damping=0.3), entry("a", error=0.02, damping=0.2)))
+    frequency, damping = printed(chart, (9.0, 4.0)).axes
     assert [b.get_width() for b in frequency.containers[0]] == pytest.approx([10.0, 2.0])
     assert [b.get_width() for b in damping.containers[0]] == pytest.approx([30.0, 20.0])
     assert frequency.get_xlabel() == "mean frequency error [%]"
@@ -156,15 +162,17 @@ def test_the_provenance_names_versions_options_and_every_input():
 
 
 def test_what_is_lacking_stands_beside_what_effects_bring_mode_by_mode():
-    figure = signature_pattern_figure(
-        ("M1", "M1", "M2"), ("1", "2", "1"), (0.02, -0.01, 0.03), (0.001,) * 3, {"a": (0.021, -0.012, 0.0)}
-    )
-    first, second = figure.axes
-    assert [bar.get_height() for bar in first.patches] == pytest.approx([2.0, -1.0])
-    assert [bar.get_height() for bar in second.patches] == pytest.approx([3.0])
-    line = next(line for line in first.lines if line.get_label() == "a")
-    np.testing.assert_allclose(line.get_ydata(), [2.1, -1.2])
-    assert first.get_ylabel() == "change of frequency [%]"
+    errors = [
+        mode_error("M1", 1, -0.02, 0.0), mode_error("M1", 2, 0.01, 0.0), mode_error("M2", 1, -0.03, 0.0),
+    ]  # fmt: skip
+    (axes,) = printed(signature_chart(errors, {"a": (0.021, -0.012, 0.0)}), (8.0, 3.6)).axes
+    assert [bar.get_height() for bar in axes.patches] == pytest.approx([2.0, -1.0, 3.0])
+    line = next(line for line in axes.lines if line.get_label() == "a")
+    np.testing.assert_allclose(line.get_ydata(), [2.1, -1.2, 0.0])
+    assert axes.get_ylabel() == "change of frequency [%]"
+    assert [text.get_text() for text in axes.get_xticklabels()] == [
+        "M1, 1: 100 Hz", "M1, 2: 200 Hz", "M2, 1: 100 Hz",
+    ]  # fmt: skip
 
 
 def diagnosis(**given):

@@ -87,8 +87,9 @@ def test_a_fit_shows_its_parameters_and_pairs():
     text = fit_html(fit)
     assert "M1: mean frequency error 3.1 %" in text
     assert "<td>1</td><td>150.00</td><td>1</td><td>0.970</td>" in text
-    *_, matrix, _ = fit_figure(fit).axes
-    np.testing.assert_array_equal(matrix.images[0].get_array(), mac)
+    left, right = fit_figure(fit).subfigs
+    np.testing.assert_allclose(right.axes[0].collections[0].get_array(), mac, rtol=1e-6)
+    assert [panel.get_xscale() for panel in left.axes] == ["log", "linear"]
     assert html_of.dispatch(updating.Fit) is fit_html
     assert figure_of.dispatch(updating.Fit) is fit_figure
 

@@ -116,7 +116,7 @@ def test_slides_show_the_mac_of_both_models_and_all_places_of_error_beside_each_
         ("pair_tables", lambda *_: (Table(title="Both", header=("mode",), rows=(("1",),)),)),
         ("errors_with_additions", lambda _: {}),
         ("shape_section", lambda _: Section(title="Shapes", blocks=(found, picture))),
-        ("mac_picture", lambda *_: picture),
+        ("pairs_picture", lambda *_: picture),
         ("location_section", lambda *_: Section(title="Where", blocks=(picture,))),
     ):
         monkeypatch.setattr(files, name, made)

@@ -1,7 +1,6 @@
 """What the workbench computes and writes, without its page."""
 
 import asyncio
-import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -48,7 +47,7 @@ def test_what_the_model_does_now_is_drawn_beside_what_it_did_before():
             mode=np.array([0, 2]), error=0.0, modes=None,
         )  # fmt: skip
 
-    before, now, *_ = json.loads(outcome_chart(made([101.0, 198.0]), made([100.0, 200.0])))["data"]
+    before, now, *_ = outcome_chart(made([101.0, 198.0]), made([100.0, 200.0])).traces
     np.testing.assert_allclose(before["y"], [1.0, -1.0])
     np.testing.assert_allclose(now["y"], [0.0, 0.0], atol=1e-12)
     assert now["x"] == ["1: 100 Hz", "3: 200 Hz"]

@@ -13,7 +13,6 @@ from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, synthesize_runs
 from model import Stack
-from updating.correlation.correlation import PointCorrelation
 from updating.correlation.localization import ErrorMap, Regions, stiffness_index
 
 if TYPE_CHECKING:
@@ -150,27 +149,6 @@ def region_plotter(
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
     return plotter
-
-
-def comac_figure(points: PointCorrelation) -> Figure:
-    """Draw 1 - CoMAC of every point above the difference of shapes and what noise makes of it."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
-    at = np.arange(points.node.size)
-    above.bar(at, 1.0 - points.comac, color=palette.LEFT)
-    above.set_ylabel("1 - CoMAC [1]")
-    below.bar(at, points.error, color=palette.LEFT, label="measured - model")
-    below.plot(at, points.error_std, ".", color=palette.QUIET, markersize=4, label="from noise alone")
-    below.set_ylabel("difference / rms [1]")
-    step = max(1, -(-at.size // 12))
-    below.set_xticks(at[::step], [str(n) for n in points.node[::step]])
-    below.set_xlabel("point")
-    below.margins(x=0.01, y=0.35)
-    below.legend(loc="upper right", ncols=2, frameon=False, fontsize="small")
-    figure.align_ylabels()
-    return figure
 
 
 _GAPS = (0, (1.5, 3.5))  # through which the other curves are seen

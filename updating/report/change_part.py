@@ -6,7 +6,6 @@ import itertools
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,19 +14,13 @@ from ema.plot import palette
 from ema.types.modal_model import frequency_text
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, Telling, telling
-from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, single, svg
+from updating.report.chart import Chart, axis, charted, legend_above, single
+from updating.report.part import Picture, Section, Table, as_csv
 from updating.report.results import Results
 from updating.results.text import percent
 from updating.results.what_changed import AXES, KindOfChange, WhatChanged, separation, size_text
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
 _WIDE = 16  # characters of a line below a bar
-
-_MOST_MODES = 60  # whose names can be read below a picture
 
 _KINDS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
 
@@ -161,11 +154,10 @@ def _fitted(results: Results) -> Iterator[ModeChange]:
 
 def step_picture(way: Sequence[Step]) -> Picture:
     """Draw how the error falls from step to step."""
-    return Picture(
-        name="error_steps",
-        content=svg(step_figure(way)),
-        form="svg",
-        data=as_csv(
+    return charted(
+        "error_steps",
+        step_chart(way),
+        as_csv(
             ("step", f"{way[0].kind} error of modes fitted [1]", "of modes left out [1]"),
             ((step.name, step.error, step.left_out) for step in way),
         ),
@@ -174,12 +166,11 @@ def step_picture(way: Sequence[Step]) -> Picture:
         caption=f"Mean {_KINDS[way[0].kind]} before and after each effect. Left out: each mode predicted by "
         "a fit to all others, which an effect that only bends to the data does not lower.",
         width="half",
-        chart=step_chart(way),
     )
 
 
-def step_chart(way: Sequence[Step]) -> str:
-    """Return the steps as a waterfall to be zoomed."""
+def step_chart(way: Sequence[Step]) -> Chart:
+    """Return the error before and after each step as a waterfall, of modes fitted and of modes left out."""
     names = _bar_names(way)
     highest = max(step.error if np.isnan(step.left_out) else max(step.error, step.left_out) for step in way)
     traces = []
@@ -199,9 +190,9 @@ def step_chart(way: Sequence[Step]) -> str:
                 "totals": {"marker": marker}, "connector": {"line": {"width": 1, "color": color, "dash": "dot"}},
             }
         )  # fmt: skip
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "yaxis": axis(f"mean {_KINDS[way[0].kind]} [%]", range=[0.0, 112.0 * highest]),
             "xaxis": {"automargin": True, "tickangle": 0},
             "legend": legend_above(),
@@ -211,62 +202,24 @@ def step_chart(way: Sequence[Step]) -> str:
     )
 
 
-def step_figure(way: Sequence[Step]) -> Figure:
-    """Draw the error before and after each step as a waterfall, of modes fitted and of modes left out."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
-    draw_steps(figure.subplots(), way)
-    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
-    return figure
-
-
-def draw_steps(axes: Axes, way: Sequence[Step]) -> None:
-    """Draw the waterfall of `step_figure` into axes."""
-    at = np.arange(len(way) + 1)
-    for shift, (key, (label, color)) in zip((-0.2, 0.2), _ERRORS.items(), strict=True):
-        value = 100.0 * np.array([getattr(step, key) for step in way])
-        low = np.array([0.0, *np.minimum(value[1:], value[:-1]), 0.0])
-        high = np.array([value[0], *np.maximum(value[1:], value[:-1]), value[-1]])
-        axes.bar(at + shift, high - low, 0.38, bottom=low, color=color, label=label)
-        texts = [
-            percent(value[0] / 100.0),
-            *(f"{f:+.2g} %" for f in np.diff(value)),
-            percent(value[-1] / 100.0),
-        ]
-        for x, y, text in zip(at + shift, high, texts, strict=True):
-            axes.annotate(
-                text, (x, y), (0, 2), textcoords="offset points", ha="center", va="bottom", fontsize=8
-            )
-    axes.set_xticks(at, [name.replace("<br>", "\n") for name in _bar_names(way)], fontsize=8)
-    axes.set_ylabel(f"mean {_KINDS[way[0].kind]} [%]")
-    axes.margins(y=0.12)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
 def mode_picture(modes: Sequence[ModeChange]) -> Picture:
     """Draw the frequency error of every mode, before and after."""
     after = any(np.isfinite(change.after) for change in modes)
-    return Picture(
-        name="error_modes",
-        content=svg(mode_figure(modes)),
-        form="svg",
-        data=as_csv(
+    return charted(
+        "error_modes",
+        mode_chart(modes),
+        as_csv(
             ("configuration", "mode", "measured frequency [Hz]", "error before [1]", "error after [1]"),
-            (
-                (change.configuration, change.mode, change.frequency, change.before, change.after)
-                for change in modes
-            ),
+            ((m.configuration, m.mode, m.frequency, m.before, m.after) for m in modes),
         ),
         alt=f"Frequency errors of {len(modes)} modes{' before and after' if after else ''}",
         caption="(model - measured) / measured frequency of every mode, with the base model"
         + (" and with what was identified." if after else "."),
-        chart=mode_chart(modes),
     )
 
 
-def mode_chart(modes: Sequence[ModeChange]) -> str:
-    """Return the errors of the modes as bars to be zoomed."""
+def mode_chart(modes: Sequence[ModeChange]) -> Chart:
+    """Return the frequency errors of the modes, before and after, as bars."""
     labels = [_mode_name(m) for m in modes]
     traces = [
         {
@@ -276,9 +229,9 @@ def mode_chart(modes: Sequence[ModeChange]) -> str:
         }
         for key, name, color in _series(modes)
     ]  # fmt: skip
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "height": 300,
             "yaxis": axis("frequency error [%]", zeroline=True),
             "xaxis": {"automargin": True},
@@ -286,33 +239,6 @@ def mode_chart(modes: Sequence[ModeChange]) -> str:
             "margin": {"r": 8, "t": 66},
         },
     )
-
-
-def mode_figure(modes: Sequence[ModeChange]) -> Figure:
-    """Draw the frequency errors of the modes, before and after."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 2.9), layout="constrained")
-    draw_modes(figure.subplots(), modes)
-    figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
-    return figure
-
-
-def draw_modes(axes: Axes, modes: Sequence[ModeChange]) -> None:
-    """Draw the bars of `mode_figure` into axes."""
-    at = np.arange(len(modes))
-    series = _series(modes)
-    for k, (key, name, color) in enumerate(series):
-        shift = 0.4 * (k - 0.5 * (len(series) - 1))
-        axes.bar(at + shift, [100.0 * getattr(m, key) for m in modes], 0.38, color=color, label=name)
-    axes.axhline(0.0, color=palette.INK, linewidth=0.8)
-    if len(modes) <= _MOST_MODES:
-        axes.set_xticks(
-            at, [f"{m.configuration}, {_mode_name(m)}" for m in modes], rotation=60, ha="right", fontsize=7
-        )
-    axes.set_ylabel("frequency error [%]")
-    axes.margins(x=0.01)
-    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
@@ -395,11 +321,10 @@ def map_picture(what_changed: WhatChanged) -> Picture:
     across, up = what_changed.axes[:2]
     x, y = np.meshgrid(what_changed.x, what_changed.y, indexing="ij")
     i, j = np.unravel_index(int(np.argmax(what_changed.map)), what_changed.map.shape)
-    return Picture(
-        name=f"what_changed_{what_changed.name}",
-        content=svg(map_figure(what_changed)),
-        form="svg",
-        data=as_csv(
+    return charted(
+        f"what_changed_{what_changed.name}",
+        map_chart(what_changed),
+        as_csv(
             (f"{across} [m]", f"{up} [m]", "probability of the cell"),
             zip(x.ravel(), y.ravel(), what_changed.map.ravel(), strict=True),
         ),
@@ -408,47 +333,27 @@ def map_picture(what_changed: WhatChanged) -> Picture:
         caption="Where it changed: probability of each cell of the plan, given that one of the kinds that are left is "
         "right.",
         width="half",
-        chart=map_chart(what_changed),
     )
 
 
-def map_chart(what_changed: WhatChanged) -> str:
+def map_chart(what_changed: WhatChanged) -> Chart:
     """Return the probability of the location as a chart."""
     across, up = what_changed.axes[:2]
     traces = [
         {
             "type": "heatmap", "x": single(1e3 * what_changed.x), "y": single(1e3 * what_changed.y),
             "z": single(100.0 * what_changed.map.T),
-            "colorscale": palette.PLACE, "zmin": 0.0, "colorbar": {"title": {"text": "%"}, "thickness": 10},
+            "colorscale": palette.PLACE, "zmin": 0.0,
+            "colorbar": {"title": {"text": "probability [%]"}, "thickness": 10},
             "hovertemplate": f"{across} = %{{x:.0f}} mm, {up} = %{{y:.0f}} mm: %{{z:.2g}} %<extra></extra>",
         }
     ]  # fmt: skip
     (x0, x1), (y0, y1) = 1e3 * what_changed.box
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "xaxis": axis(f"{across} [mm]", range=[x0, x1]),
             "yaxis": axis(f"{up} [mm]", range=[y0, y1], scaleanchor="x"),
             "margin": {"r": 8, "t": 20},
         },
     )
-
-
-def map_figure(what_changed: WhatChanged) -> Figure:
-    """Draw the same for print."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.0, 3.8), layout="constrained")
-    axes = figure.subplots()
-    (x0, x1), (y0, y1) = 1e3 * what_changed.box
-    drawn = axes.imshow(
-        100.0 * what_changed.map.T,
-        origin="lower",
-        extent=(x0, x1, y0, y1),
-        cmap=palette.PLACE,
-        vmin=0.0,
-        aspect="equal",
-    )
-    axes.set(xlabel=f"{what_changed.axes[0]} [mm]", ylabel=f"{what_changed.axes[1]} [mm]")
-    figure.colorbar(drawn, ax=axes, label="probability [%]", shrink=0.7)
-    return figure

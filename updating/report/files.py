@@ -15,34 +15,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ema.plot import palette
 from ema.plot.figures import as_png
-from ema.types.modal_model import frequency_text
 from ema.types.shown import figure_of, html_of, html_table
 from updating.correlation.plots import within_band
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import StoreError
 from updating.fitting.fit import Fit
-from updating.fitting.plots import ShapePair, draw_objective, shape_pair_figure, shape_pairs
+from updating.fitting.plots import ShapePair, shape_pair_figure, shape_pairs
 from updating.report.answer import headline, opening
 from updating.report.change_part import (
     diagnosis_changes,
     diagnosis_steps,
-    draw_modes,
-    draw_steps,
     errors_with_additions,
     mode_changes,
-    mode_figure,
-    step_figure,
+    mode_chart,
+    step_chart,
     steps,
 )
+from updating.report.chart import draw, printed
 from updating.report.frf_part import frf_figure, model_functions
 from updating.report.location_part import location_section
 from updating.report.modes_part import (
     auto_mac_picture,
     identified_table,
-    mac_picture,
+    mac_chart,
+    objective_chart,
     pair_tables,
+    pairs_picture,
     shape_section,
 )
 from updating.report.part import N_COLOUR, Picture, Table
@@ -163,9 +162,10 @@ def write_slides(results: Results) -> Path:
     way, modes = steps(results), mode_changes(results)
     first = _slide(show, f"{results.name}: {answer.badge}", answer.sentence)
     if way:
-        _picture(first, as_png(_sized(step_figure(way))), 2.6, _HIGH - 3.0)
+        _picture(first, as_png(printed(step_chart(way), (9.0, 3.6))), 2.6, _HIGH - 3.0)
     if modes:
-        _picture(_slide(show, "Frequency error of every mode"), as_png(mode_figure(modes)), _TOP, _HIGH - 2.0)
+        content = as_png(printed(mode_chart(modes), (9.0, 2.9)))
+        _picture(_slide(show, "Frequency error of every mode"), content, _TOP, _HIGH - 2.0)
     if any(t.fit is not None for t in results.tested):
         _places(show, results.tested)
     added = errors_with_additions(results)
@@ -196,11 +196,6 @@ def _location(tested: Tested) -> Picture | None:
     if fit is None or not fit.pairing.measured.size:
         return None
     return next(iter(location_section(tested, fit).pictures), None)
-
-
-def _sized(figure: Figure) -> Figure:
-    figure.set_size_inches(9.0, 3.6)
-    return figure
 
 
 def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> None:
@@ -240,7 +235,7 @@ def _likeness(show: Any, tested: Tested) -> None:
         )
         _text(slide, text, _TOP - 0.2, 14, left=left, width=width)
         _picture(
-            slide, mac_picture(tested, fit).content, _TOP + 0.3, _HIGH - 2.2, left=left, width=width - 0.2
+            slide, pairs_picture(tested, fit).content, _TOP + 0.3, _HIGH - 2.2, left=left, width=width - 0.2
         )
 
 
@@ -376,17 +371,11 @@ def fit_figure(fit: Fit) -> Figure:
     """Draw the objectives over what was tried of G_f and d_f, beside the MAC of measured and modelled modes."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 3.4), layout="constrained")
-    *places, right = figure.subplots(1, 3)
-    for axes, estimate in zip(places, (fit.G_f, fit.d_f), strict=True):
-        draw_objective(axes, estimate)
+    figure = Figure(figsize=(11.0, 5.2), layout="constrained")
+    left, right = figure.subfigures(1, 2, squeeze=False)[0]
+    draw(objective_chart(fit), left)
     last = int(fit.pairing.model.max(initial=0)) + 2
-    image = right.imshow(fit.pairing.mac[:, :last], cmap=palette.LIKENESS, vmin=0.0, vmax=1.0, aspect="auto")
-    shown = fit.modes.frequency[:last]
-    right.set_xticks(range(shown.size), [frequency_text(f, 0) for f in shown], rotation=90, fontsize="small")
-    right.set_yticks(range(fit.pairing.mac.shape[0]), [str(r + 1) for r in range(fit.pairing.mac.shape[0])])
-    right.set(xlabel="model [Hz]", ylabel="measured mode")
-    figure.colorbar(image, ax=right, label="MAC")
+    draw(mac_chart(fit.pairing.mac[:, :last], None, fit.modes.frequency[:last], "model", "measured"), right)
     return figure
 
 
@@ -414,8 +403,6 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
 
     figure = Figure(figsize=(9.0, 6.4), layout="constrained")
     above, below = figure.subfigures(2, 1, squeeze=False)[:, 0]
-    draw_steps(above.subplots(), diagnosis_steps(diagnosis))
-    draw_modes(below.subplots(), diagnosis_changes(diagnosis))
-    for part in (above, below):
-        part.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=8)
+    draw(step_chart(diagnosis_steps(diagnosis)), above)
+    draw(mode_chart(diagnosis_changes(diagnosis)), below)
     return figure

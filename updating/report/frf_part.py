@@ -18,8 +18,9 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.correlation.plots import chosen_functions, overlay_figure, synthesized, within_band
 from updating.fitting.fit import Fit
+from updating.report.chart import Chart, axis, legend_above, single
 from updating.report.identified_model import fracs, modelled
-from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, png, single
+from updating.report.part import Picture, Section, Table, as_csv, png
 from updating.report.results import Tested
 
 if TYPE_CHECKING:
@@ -181,7 +182,7 @@ def stabilization_picture(
         "the damping ratio and a MAC of 0.98 with the order below. A physical pole comes back at every order and "
         "makes a column; dashed lines are the modes that were identified"
         + (", dotted ones columns that are none, see below." if dropped else "; every column is one."),
-        chart=stabilization_chart(diagram, stable, dropped, tested.measured),
+        chart=stabilization_chart(diagram, stable, dropped, tested.measured).json,
     )  # fmt: skip
 
 
@@ -190,7 +191,7 @@ def stabilization_chart(
     stable: Stability,
     dropped: Sequence[DroppedColumn],
     modal_model: ModalModel,
-) -> str:
+) -> Chart:
     """Return the stabilisation chart to be zoomed."""
     hertz, damping = np.abs(diagram.pole) / (2.0 * np.pi), -diagram.pole.real / np.abs(diagram.pole)
     traces: list[dict[str, object]] = [
@@ -232,7 +233,7 @@ def stabilization_chart(
             for column in dropped
         ],
     }  # fmt: skip
-    return chart(traces, layout)
+    return Chart(traces=traces, layout=layout)
 
 
 def dropped_table(dropped: Sequence[DroppedColumn]) -> Table:

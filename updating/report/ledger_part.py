@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,12 @@ from ema.plot import palette
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.diagnosis.answer_parts import Moved
-from updating.diagnosis.signature_plot import MOST, signature_pattern_figure
 from updating.fitting.fit import Estimate, ParameterEstimate
-from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, svg
+from updating.report.chart import Chart, axis, charted, legend_above
+from updating.report.part import Picture, Section, Table, as_csv
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
 from updating.results.text import Z95, ends, interval_text, uncertain
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 _ERRORS = {
     "frequency": ("error", "mode_error", "configuration_error"),
@@ -96,11 +91,10 @@ def fit_table(entries: Sequence[Entry]) -> Table:
 def ledger_picture(entries: Sequence[Entry]) -> Picture:
     """Draw the errors of each model."""
     kinds = _kinds(entries)
-    return Picture(
-        name="error_ledger",
-        content=svg(ledger_figure(entries)),
-        form="svg",
-        data=as_csv(
+    return charted(
+        "error_ledger",
+        ledger_chart(entries),
+        as_csv(
             ("model", *(f"{kind} error, {name} [1]" for kind in kinds for name in _NAMES)),
             (
                 (" + ".join(("base", *e.effects)), *(x for kind in kinds for x in _errors(e, kind)))
@@ -110,11 +104,10 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
         alt="Errors by model",
         caption=f"Mean {' and '.join(kinds)} error of each model, on the data that it was fitted to and on data held "
         "out.",
-        chart=ledger_chart(entries),
     )
 
 
-def ledger_chart(entries: Sequence[Entry]) -> str:
+def ledger_chart(entries: Sequence[Entry]) -> Chart:
     """Return the errors of each model as bars, those of damping ratios below those of frequencies."""
     kinds = _kinds(entries)
     names = [_short_name(entry) for entry in entries]
@@ -143,44 +136,16 @@ def ledger_chart(entries: Sequence[Entry]) -> str:
             "autorange": "reversed", "automargin": True, "domain": domain, "anchor": f"x{place}", "showgrid": False,
         }  # fmt: skip
     height = 120 + len(kinds) * (entry_height * len(entries) + 40)
-    return chart(traces, {**layout, "height": height, "legend": legend_above(), "margin": {"r": 8, "t": 34}})
+    return Chart(
+        traces=traces,
+        layout={**layout, "height": height, "legend": legend_above(), "margin": {"r": 8, "t": 34}},
+    )
 
 
 def _short_name(entry: Entry) -> str:
     """Return the effects of a line by their labels, in lines that leave a phone room for the bars."""
     names = ("base model", *(f"+ {label.partition(' (')[0]}" for label in printed_effects(entry.effects)))
     return "<br>".join(line for name in names for line in textwrap.wrap(name, _WIDE))
-
-
-def ledger_figure(entries: Sequence[Entry]) -> Figure:
-    """Draw the errors of each model, on data fitted and held out, as bars."""
-    from matplotlib.figure import Figure
-
-    kinds = _kinds(entries)
-    names = [
-        "\n+ ".join(textwrap.fill(part, 36) for part in ("base", *printed_effects(e.effects)))
-        for e in entries
-    ]
-    entry_height = max(0.62, 0.1 + 0.16 * max(name.count("\n") + 1 for name in names))
-    figure = Figure(figsize=(8.5, 1.1 + entry_height * len(entries)), layout="constrained")
-    panels: list[Axes] = list(figure.subplots(1, len(kinds), sharey=True, squeeze=False)[0])
-    y = np.arange(len(entries))
-    for axes, kind in zip(panels, kinds, strict=True):
-        for k, (name, shade) in enumerate(zip(_NAMES, _SHADES, strict=True)):
-            value = 100.0 * np.array([_errors(e, kind)[k] for e in entries])
-            bars = axes.barh(
-                y + 0.26 * (k - 1), value, 0.24, color=shade, edgecolor=palette.INK, linewidth=0.5, label=name
-            )
-            axes.bar_label(bars, ["" if np.isnan(v) else f"{v:.2f}" for v in value], padding=3, fontsize=8)
-        axes.margins(x=0.16)
-        axes.set_xlabel(f"mean {kind} error [%]")
-        axes.spines[["top", "right"]].set_visible(False)
-    panels[0].set_yticks(y, names)
-    panels[0].invert_yaxis()
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False, fontsize=9
-    )
-    return figure
 
 
 def model_name(entry: Entry) -> str:
@@ -214,9 +179,6 @@ def _sentence(entries: Sequence[Entry]) -> str:
             else ""
         )
     )
-
-
-_AXES = {"G_f": ("$G_f$ [Pa/Pa]", 1.0), "d_f": ("$d_f$ [10$^{-12}$ s/Pa]", 1e12)}
 
 
 def parameter_section(results: Results) -> Section:
@@ -288,11 +250,10 @@ def _moved_row(fitted_to: str, moved: Moved, *, at_bound: bool) -> tuple[str, ..
 def parameter_picture(fitted: Sequence[Tested]) -> Picture:
     """Draw G_f and d_f over torque or pressure with their 95 % intervals."""
     at, label = abscissa(fitted)
-    return Picture(
-        name="parameters",
-        content=svg(parameter_figure(fitted)),
-        form="svg",
-        data=as_csv(
+    return charted(
+        "parameters",
+        parameter_chart(fitted),
+        as_csv(
             ("configuration", label, "G_f [Pa/Pa]", "its std", "d_f [s/Pa]", "its std"),
             (
                 (t.name, x, *(v for e in _estimates(t) for v in (e.value, e.std)))
@@ -301,11 +262,10 @@ def parameter_picture(fitted: Sequence[Tested]) -> Picture:
         ),
         alt="Contact parameters by configuration",
         caption="G_f by opt_G and d_f by opt_d of each configuration alone, with 95 % intervals.",
-        chart=parameter_chart(fitted),
     )
 
 
-def parameter_chart(fitted: Sequence[Tested]) -> str:
+def parameter_chart(fitted: Sequence[Tested]) -> Chart:
     """Return G_f above d_f over torque, pressure or their number, with 95 % intervals, to be read off."""
     at, label = abscissa(fitted)
     traces = [
@@ -323,28 +283,7 @@ def parameter_chart(fitted: Sequence[Tested]) -> str:
         "yaxis2": axis("d_f [s/Pa]", domain=[0.0, 0.44], rangemode="tozero", exponentformat="e"),
         "margin": {"r": 8, "t": 34},
     }
-    return chart(traces, layout)
-
-
-def parameter_figure(fitted: Sequence[Tested]) -> Figure:
-    """Draw G_f and d_f of fitted configurations over torque, pressure or their number, with 95 % intervals."""
-    from matplotlib.figure import Figure
-
-    at, label = abscissa(fitted)
-    figure = Figure(figsize=(7.5, 2.9), layout="constrained")
-    for k, axes in enumerate(figure.subplots(1, 2)):
-        estimates = [_estimates(t)[k] for t in fitted]
-        name, factor = _AXES[estimates[0].name]
-        axes.errorbar(
-            at, [factor * e.value for e in estimates], [Z95 * factor * e.std for e in estimates],
-            fmt="o", color=palette.BASE, markersize=5, capsize=4,
-        )  # fmt: skip
-        axes.set(xlabel=label, ylabel=name)
-        top = max(factor * (e.value + Z95 * e.std) for e in estimates)
-        axes.set_ylim(0.0, 1.15 * top if top > 0.0 else 1.0)
-        axes.margins(x=0.15)
-        axes.spines[["top", "right"]].set_visible(False)
-    return figure
+    return Chart(traces=traces, layout=layout)
 
 
 def abscissa(fitted: Sequence[Tested]) -> tuple[NDArray[np.float64], str]:
@@ -386,6 +325,9 @@ _MARKS = (
 )  # fmt: skip
 """Colour, marker and its size (px) of each effect of a chart: smaller ones later, so that none hides another."""
 
+_MOST = len(_MARKS)
+"""Effects that one figure can show and still be read."""
+
 
 def signature_section(diagnosis: Diagnosis) -> Section:
     """Show what the base model lacks at every mode, and what the best effects, each alone, change there."""
@@ -407,20 +349,11 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
     for number, group in enumerate(groups, start=1):
         errors = [diagnosis.errors[k] for k in group]
         signatures = {e: [change[k] for k in group] for e, change in _ordered(diagnosis).items()}
-        drawn = {textwrap.fill(_printed(diagnosis, e), 34): change for e, change in signatures.items()}
-        figure = signature_pattern_figure(
-            [e.configuration for e in errors],
-            [f"{e.frequency:.0f}" for e in errors],
-            [-e.base for e in errors],
-            [e.std / e.frequency for e in errors],
-            drawn,
-        )
         pictures.append(
-            Picture(
-                name="signatures" if len(groups) == 1 else f"signatures_{number}",
-                content=svg(figure),
-                form="svg",
-                data=as_csv(
+            charted(
+                "signatures" if len(groups) == 1 else f"signatures_{number}",
+                signature_chart(errors, {_label(diagnosis, e): s for e, s in signatures.items()}),
+                as_csv(
                     ("configuration", "mode", "frequency [Hz]", "its std [Hz]", "lacking", *signatures),
                     (
                         (e.configuration, e.mode, e.frequency, e.std, -e.base, *(s[k] for s in signatures.values()))
@@ -429,14 +362,13 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
                 ),
                 alt="Frequency changes that the base model lacks and that effects make",
                 caption="Bars: measured less modelled frequency over the measured one, with the 95 % interval of the "
-                f"measurement. Lines: change by at most {MOST} effects, the candidates first.",
-                chart=signature_chart(errors, {_label(diagnosis, e): s for e, s in signatures.items()}),
+                f"measurement. Lines: change by at most {_MOST} effects, the candidates first.",
             )
         )  # fmt: skip
     return tuple(pictures)
 
 
-def signature_chart(errors: Sequence[ModeError], signatures: Mapping[str, Sequence[float]]) -> str:
+def signature_chart(errors: Sequence[ModeError], signatures: Mapping[str, Sequence[float]]) -> Chart:
     """Return what the base model lacks at each mode as bars, and what effects change as marked lines."""
     at = [[e.configuration for e in errors], [f"{e.mode}: {e.frequency:.0f} Hz" for e in errors]]
     spread = [100.0 * Z95 * e.std / e.frequency for e in errors]
@@ -463,12 +395,12 @@ def signature_chart(errors: Sequence[ModeError], signatures: Mapping[str, Sequen
         "legend": legend_above(),
         "margin": {"r": 8, "t": 34},
     }
-    return chart(traces, layout)
+    return Chart(traces=traces, layout=layout)
 
 
 def signature_table(diagnosis: Diagnosis) -> Table:
     """List for every mode used what is lacking, what each effect changes, and what the first candidate leaves."""
-    signatures = dict(list(_ordered(diagnosis).items())[:MOST])
+    signatures = dict(list(_ordered(diagnosis).items())[:_MOST])
     first = " + ".join(_printed(diagnosis, name) for effects in diagnosis.set[:1] for name in effects)
     left = f"left by {first} [%]" if first else ""
     columns = [f"{_printed(diagnosis, name)} [%]" for name in signatures]

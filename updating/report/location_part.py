@@ -13,7 +13,8 @@ from updating.correlation.plots import LEAST_SCALE, error_map_picture
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit
-from updating.report.part import Picture, Section, Table, as_csv, chart, fewer_colours, single
+from updating.report.chart import Chart, single
+from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
 from updating.report.results import Tested
 
 _MOST_MODES = 6  # the lowest half a dozen locate best
@@ -114,7 +115,7 @@ def map_picture(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> Pictur
         caption=f"Where the base model of {tested.name} fails: error of the {kind} by region over its mean, for the "
         f"energy with which the modes strain the region.{_peak(errors, kind)} Rods: clamps.",
         width="half",
-        chart=map_chart(tested, fit, errors, kind),
+        chart=map_chart(tested, fit, errors, kind).json,
     )
 
 
@@ -126,7 +127,7 @@ def _peak(errors: ErrorMap, kind: str) -> str:
     return f" Largest between x = {round(1e3 * low[0])} and {round(1e3 * high[0])} mm."
 
 
-def map_chart(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> str:
+def map_chart(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> Chart:
     """Return the error of one kind of stiffness on the stack, to be turned, with the clamps and the measured points."""
     corner, triangle, box = _surface(errors.regions.x, errors.regions.y, errors.regions.z)
     value = errors.relative[stiffness_index(kind)].ravel()
@@ -165,7 +166,7 @@ def map_chart(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> str:
     }
     view = {"eye": {"x": -1.45, "y": -3.2, "z": 1.55}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
     scene = {**axes, "aspectmode": "data", "camera": view, "dragmode": "turntable"}
-    return chart(traces, {"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}})
+    return Chart(traces=traces, layout={"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}})
 
 
 def _surface(

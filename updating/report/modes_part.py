@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from ema.modal.mac import LEAST_MPC, complexity, mac
 from ema.plot import palette
-from ema.plot.figures import mac_figure
 from ema.quality.verdict import NOTES, label, meaning
 from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
-from updating.correlation.plots import comac_figure
 from updating.fitting.fit import Estimate, Fit, ModelFit
 from updating.fitting.plots import (
     AZIMUTH,
@@ -25,10 +23,10 @@ from updating.fitting.plots import (
     SWELL,
     ShapePair,
     faces,
-    objective_figure,
     shape_pair_figure,
     shape_pairs,
 )
+from updating.report.chart import Chart, axis, charted, legend_above, single
 from updating.report.frf_part import frf_title
 from updating.report.part import (
     ByModel,
@@ -38,17 +36,13 @@ from updating.report.part import (
     Table,
     anchor,
     as_csv,
-    axis,
-    chart,
-    legend_above,
     of_model,
     png,
-    single,
 )
 from updating.report.results import Tested
 from updating.results.text import Z95, parameter_text, uncertain
 
-SHADES = 128  # of the scale of MAC
+_SHADES = 128  # of the scale of MAC
 
 _ADDED, _WITH_ADDED = "with what was identified [%]", " With what was identified:"
 
@@ -265,43 +259,63 @@ def mac_section(tested: Tested) -> Section:
 
     def pictures(model: ModelFit) -> tuple[Picture, ...]:
         comac = (comac_picture(tested, model),) if model.pairing.measured.size else ()
-        return mac_picture(tested, model), *comac
+        return pairs_picture(tested, model), *comac
 
     tried = () if tested.opt is None else (objective_picture(tested.opt),)
     return Section(title=f"MAC and CoMAC of {tested.name}", blocks=(*by_model(tested, pictures), *tried))
 
 
-def mac_picture(tested: Tested, fit: ModelFit) -> Picture:
+def pairs_picture(tested: Tested, fit: ModelFit) -> Picture:
     """Draw the MAC of measured with modelled modes, the latter up to the last that is paired and two more."""
     last = int(fit.pairing.model.max(initial=0)) + 3
-    rows, columns = tested.measured.frequency, fit.modes.frequency[:last]
-    value = fit.pairing.mac[:, :last]
-    figure = mac_figure(value, rows, columns)
-    figure.axes[0].set(xlabel="model frequency [Hz]", ylabel="measured frequency [Hz]")
-    return Picture(
-        name=f"mac_{tested.name}",
-        content=png(figure, SHADES),
-        form="png",
-        data=matrix_csv(value, rows, columns),
+    return mac_picture(
+        f"mac_{tested.name}",
+        fit.pairing.mac[:, :last],
+        (tested.measured.frequency, fit.modes.frequency[:last]),
+        ("measured", "model"),
         alt="MAC matrix",
         caption="MAC of measured with modelled modes: 1 where two shapes are alike, 0 where they share nothing.",
+    )
+
+
+def mac_picture(
+    name: str,
+    value: NDArray[np.float64],
+    frequency: tuple[NDArray[np.float64], NDArray[np.float64]],
+    whose: tuple[str, str],
+    *,
+    alt: str,
+    caption: str,
+) -> Picture:
+    """Draw a MAC matrix with the frequencies (Hz) of its rows and columns, and whose these are."""
+    (rows, columns), (down, across) = frequency, whose
+    return charted(
+        name,
+        mac_chart(value, rows, columns, across, down),
+        matrix_csv(value, rows, columns),
+        alt=alt,
+        caption=caption,
         width="half",
-        chart=mac_chart(value, rows, columns, "model", "measured"),
+        size=(1.6 + 0.5 * columns.size, 1.2 + 0.5 * rows.size),
+        form="png",
+        n_colour=_SHADES,
     )
 
 
 def mac_chart(
     value: NDArray[np.float64],
-    rows: NDArray[np.float64],
+    rows: NDArray[np.float64] | None,
     columns: NDArray[np.float64],
     across: str,
     down: str,
-) -> str:
-    """Return a MAC matrix as a chart; `across` and `down` say whose frequencies its columns and rows are."""
-    x, y = (
-        [f"{k}: {frequency_text(f, 1)}" for k, f in enumerate(frequencies, start=1)]
-        for frequencies in (columns, rows)
-    )
+) -> Chart:
+    """Return a MAC matrix as a chart.
+
+    `across` and `down` say whose frequencies its columns and rows are; rows whose frequencies are not given are
+    numbered.
+    """
+    x = [f"{k}: {frequency_text(f, 1)}" for k, f in enumerate(columns, start=1)]
+    y = [str(k + 1) if rows is None else f"{k + 1}: {frequency_text(rows[k], 1)}" for k in range(len(value))]
     trace = {
         "type": "heatmap", "x": x, "y": y, "z": single(value), "zmin": 0.0, "zmax": 1.0, "colorscale": palette.LIKENESS,
         "xgap": 1, "ygap": 1, "texttemplate": "%{z:.2f}", "colorbar": {"title": {"text": "MAC"}, "thickness": 12},
@@ -314,33 +328,29 @@ def mac_chart(
         "yaxis": axis(f"{down} mode, frequency [Hz]", autorange="reversed", **kind),
         "margin": {"r": 8, "t": 34},  # room for the tools, which else lie on the matrix
     }
-    return chart([trace], layout)
+    return Chart(traces=[trace], layout=layout)
 
 
 def auto_mac_picture(tested: Tested) -> Picture:
     """Draw the MAC of the measured modes with each other."""
     frequency = tested.measured.frequency
-    value = mac(tested.measured.shape, tested.measured.shape)
-    return Picture(
-        name=f"mac_{tested.name}",
-        content=png(mac_figure(value, frequency, frequency), SHADES),
-        form="png",
-        data=matrix_csv(value, frequency, frequency),
+    return mac_picture(
+        f"mac_{tested.name}",
+        mac(tested.measured.shape, tested.measured.shape),
+        (frequency, frequency),
+        ("measured", "measured"),
         alt="MAC matrix of the measured modes",
         caption="MAC of the measured modes with each other: off the diagonal it should be small.",
-        width="half",
-        chart=mac_chart(value, frequency, frequency, "measured", "measured"),
     )
 
 
 def comac_picture(tested: Tested, fit: ModelFit) -> Picture:
     """Draw how far measured and modelled shapes differ at every point, beside what noise makes of it."""
     points = correlate_points(tested.measured, fit.modes, fit.pairing)
-    return Picture(
-        name=f"comac_{tested.name}",
-        content=png(comac_figure(points)),
-        form="png",
-        data=as_csv(
+    return charted(
+        f"comac_{tested.name}",
+        comac_chart(points),
+        as_csv(
             ("point", "x", "y", "z", "CoMAC", "S-CoMAC", "eCoMAC", "difference", "difference from noise"),
             zip(points.node, *points.direction.T, points.comac, points.s_comac, points.e_comac, points.error,
                 points.error_std, strict=True),
@@ -349,23 +359,23 @@ def comac_picture(tested: Tested, fit: ModelFit) -> Picture:
         caption="Above: 1 - CoMAC of every point, 0 where shapes agree. Below: their difference over the root mean "
         "square of the shape, beside what the noise of the measurement alone would cause.",
         width="half",
-        chart=comac_chart(points),
+        form="png",
     )  # fmt: skip
 
 
-def comac_chart(points: PointCorrelation) -> str:
+def comac_chart(points: PointCorrelation) -> Chart:
     """Return 1 - CoMAC over the difference of the shapes, of every point, as a chart."""
     names = [str(node) for node in points.node]
     noise = {"mode": "markers", "marker": {"color": palette.QUIET, "size": 5}, "name": "from noise alone"}
-    return chart(
-        [
+    return Chart(
+        traces=[
             {"type": "bar", "x": names, "y": single(1.0 - points.comac), "yaxis": "y2", "showlegend": False,
              "marker": {"color": palette.LEFT}, "name": "1 - CoMAC"},
             {"type": "bar", "x": names, "y": single(points.error), "marker": {"color": palette.LEFT},
              "name": "measured - model"},
             {"type": "scatter", "x": names, "y": single(points.error_std), **noise},
         ],
-        {
+        layout={
             "height": 430,
             "xaxis": axis("point", type="category"),
             "yaxis": axis("difference / rms", domain=[0.0, 0.46]),
@@ -378,22 +388,20 @@ def comac_chart(points: PointCorrelation) -> str:
 
 def objective_picture(fit: Fit) -> Picture:
     """Draw the objectives over every value that was tried of the contact parameters."""
-    return Picture(
-        name=f"objective_{fit.name}",
-        content=png(objective_figure((fit.G_f, fit.d_f))),
-        form="png",
-        data=as_csv(
+    return charted(
+        f"objective_{fit.name}",
+        objective_chart(fit),
+        as_csv(
             ("parameter", "value [SI]", "objective [Hz for G_f, damping ratio for d_f]"),
             ((e.name, *row) for e in (fit.G_f, fit.d_f) for row in _history(e)),
         ),
         alt="Objectives over their parameters",
         caption="Every value tried for G_f (opt_G) and d_f (opt_d) of this configuration alone; the diamond "
         "is the estimate.",
-        chart=objective_chart(fit),
     )
 
 
-def objective_chart(fit: Fit) -> str:
+def objective_chart(fit: Fit) -> Chart:
     """Return the objectives over what was tried of G_f, above, and of d_f as a chart."""
     traces: list[dict[str, Any]] = []
     for estimate, factor, place in ((fit.G_f, 1.0, ""), (fit.d_f, 100.0, "2")):
@@ -405,9 +413,9 @@ def objective_chart(fit: Fit) -> str:
             {**on, "mode": "markers", "x": [estimate.value], "y": [factor * estimate.objective], "name": "estimate",
              "marker": {"color": palette.ACCENT, "size": 10, "symbol": "diamond"}},
         ]  # fmt: skip
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "height": 520,
             "xaxis": axis(f"G_f [{fit.G_f.unit}]", type="log", anchor="y"),
             "yaxis": axis("opt_G [Hz]", type="log", domain=[0.6, 1.0]),

@@ -9,7 +9,7 @@ from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,34 +18,18 @@ from updating.errors import StoreError
 from updating.fitting.modal_table import TableFit
 from updating.report.answer import answer_section, opening_section, overview_section
 from updating.report.change_part import errors_with_additions, what_changed_section
+from updating.report.chart import Chart, axis, charted, legend_above
 from updating.report.frf_part import frf_section
 from updating.report.identified_model import with_models
 from updating.report.ledger_part import ledger_section, parameter_section, signature_section
 from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section, shape_section
-from updating.report.part import (
-    Picture,
-    Section,
-    Table,
-    anchor,
-    as_csv,
-    axis,
-    chart,
-    in_css,
-    legend_above,
-    packed,
-    renderer,
-    svg,
-    unbroken,
-)
+from updating.report.part import Section, Table, anchor, as_csv, in_css, packed, renderer, unbroken
 from updating.report.pooled_part import pooled_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.state_part import beside_section, state_section
 from updating.results.store import folder_name, write_bytes
 from updating.results.text import estimate_text, parameter_text
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def provenance_section(results: Results) -> Section:
@@ -122,11 +106,10 @@ def table_overview(results: Results) -> Section:
         "the scatter that the model leaves. A click on a heading sorts, one on a stack leads to it.",
         link=tuple(f"#{anchor(_title(f))}" for f in fits),
     )  # fmt: skip
-    picture = Picture(
-        name="all_stacks",
-        content=svg(table_figure(fits)),
-        form="svg",
-        data=as_csv(
+    picture = charted(
+        "all_stacks",
+        table_chart(fits),
+        as_csv(
             (
                 "stack",
                 "error published [1]",
@@ -142,7 +125,6 @@ def table_overview(results: Results) -> Section:
         ),
         alt="Error and contact stiffness by stack",
         caption="Mean relative frequency error, and contact stiffness with one standard deviation, of each stack.",
-        chart=table_chart(fits),
     )
     text = (
         "G_f is fitted to the measured frequencies of each stack by opt_G; modes are paired by shape class."
@@ -172,11 +154,10 @@ def row_section(fit: TableFit, shape_class: tuple[str, ...]) -> Section:
         note=f"{parameter_text(fit.G_f)}, mean error {100 * fit.error:.1f} % (published: "
         f"{100 * fit.published_error:.1f} %). Error is (model - measured) / measured.",
     )
-    picture = Picture(
-        name=f"stack_{row.name}",
-        content=svg(row_figure(fit, shape_class)),
-        form="svg",
-        data=as_csv(
+    picture = charted(
+        f"stack_{row.name}",
+        row_chart(fit, shape_class),
+        as_csv(
             ("mode", "measured [Hz]", "published [Hz]", "ours [Hz]"),
             zip(shape_class, row.frequency, row.published_frequency, fit.frequency, strict=True),
         ),
@@ -187,30 +168,8 @@ def row_section(fit: TableFit, shape_class: tuple[str, ...]) -> Section:
     return Section(title=_title(fit), blocks=(table, picture))
 
 
-def table_figure(fits: tuple[TableFit, ...]) -> Figure:
-    """Draw the error of eq. (2) and G_f by stack, ours beside the published."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
-    at = np.arange(len(fits))
-    above.bar(at - 0.2, [100 * f.published_error for f in fits], 0.38, color=_PUBLISHED, label="published")
-    above.bar(at + 0.2, [100 * f.error for f in fits], 0.38, color=_OURS, label="ours")
-    above.set_ylabel("mean frequency error [%]")
-    below.errorbar(
-        at, [f.G_f.value for f in fits], [f.G_f.std for f in fits], fmt="o", color=_OURS, capsize=3
-    )
-    below.plot(
-        at, [f.row.published_G_f for f in fits], "s", color=_PUBLISHED, markerfacecolor="none", markersize=8
-    )
-    below.set_xticks(at, [f.row.name for f in fits])
-    below.set(xlabel="stack", ylabel="$G_f$ [Pa/Pa]")
-    figure.legend(loc="outside upper right", ncols=2, frameon=False)
-    return figure
-
-
-def table_chart(fits: tuple[TableFit, ...]) -> str:
-    """Return the same as a chart to be read off."""
+def table_chart(fits: tuple[TableFit, ...]) -> Chart:
+    """Return the error of eq. (2) and G_f by stack, ours beside the published."""
     names = [f.row.name for f in fits]
     errors = (("published", "published_error", _PUBLISHED), ("ours", "error", _OURS))
     traces: list[dict[str, Any]] = [
@@ -221,14 +180,19 @@ def table_chart(fits: tuple[TableFit, ...]) -> str:
         for name, key, color in errors
     ]  # fmt: skip
     G_f = (
-        ("published", [f.row.published_G_f for f in fits], None, _PUBLISHED),
-        ("ours", [f.G_f.value for f in fits], [f.G_f.std for f in fits], _OURS),
+        (
+            "published",
+            [f.row.published_G_f for f in fits],
+            None,
+            {"color": _PUBLISHED, "size": 12, "symbol": "square"},
+        ),
+        ("ours", [f.G_f.value for f in fits], [f.G_f.std for f in fits], {"color": _OURS, "size": 8}),
     )
-    for name, value, std, color in G_f:
+    for name, value, std, marker in G_f:
         traces.append(
             {
                 "type": "scatter", "mode": "markers", "name": name, "x": names, "y": value, "yaxis": "y2",
-                "marker": {"color": color, "size": 8}, "showlegend": False, "hovertemplate": "%{x}: %{y:.4g} Pa/Pa",
+                "marker": marker, "showlegend": False, "hovertemplate": "%{x}: %{y:.4g} Pa/Pa",
                 **({} if std is None else {"error_y": {"type": "data", "array": std}}),
             }
         )  # fmt: skip
@@ -240,27 +204,26 @@ def table_chart(fits: tuple[TableFit, ...]) -> str:
         "legend": legend_above(),
         "margin": {"r": 8, "t": 34},
     }
-    return chart(traces, layout)
+    return Chart(traces=traces, layout=layout)
 
 
-def row_figure(fit: TableFit, shape_class: tuple[str, ...]) -> Figure:
-    """Draw the frequency error of every mode, ours beside the published."""
-    from matplotlib.figure import Figure
-
+def row_chart(fit: TableFit, shape_class: tuple[str, ...]) -> Chart:
+    """Return the frequency error of every mode, ours beside the published, as bars."""
     row = fit.row
-    figure = Figure(figsize=(5.5, 2.4), layout="constrained")
-    axes = figure.subplots()
-    at = np.arange(len(shape_class))
-    for shift, f, color, name in (
-        (-0.2, row.published_frequency, _PUBLISHED, "published"), (0.2, fit.frequency, _OURS, "ours"),
-    ):  # fmt: skip
-        axes.bar(at + shift, 100.0 * (f / row.frequency - 1.0), 0.38, color=color, label=name)
-    axes.axhline(0.0, color=palette.INK, linewidth=0.8)
-    axes.set_xticks(at, shape_class)
-    axes.set_ylabel("frequency error [%]")
-    axes.spines[["top", "right"]].set_visible(False)
-    figure.legend(loc="outside upper right", ncols=2, frameon=False, fontsize="small")
-    return figure
+    traces = [
+        {
+            "type": "bar", "name": name, "x": list(shape_class), "y": (100.0 * (f / row.frequency - 1.0)).tolist(),
+            "marker": {"color": color}, "hovertemplate": "%{x}: %{y:+.2f} %",
+        }
+        for f, color, name in (
+            (row.published_frequency, _PUBLISHED, "published"), (fit.frequency, _OURS, "ours"),
+        )
+    ]  # fmt: skip
+    layout = {
+        "height": 240, "yaxis": axis("frequency error [%]", zeroline=True), "xaxis": {"automargin": True},
+        "legend": legend_above(), "margin": {"r": 8, "t": 34},
+    }  # fmt: skip
+    return Chart(traces=traces, layout=layout)
 
 
 def _title(fit: TableFit) -> str:

@@ -6,15 +6,13 @@ import base64
 import csv
 import gzip
 import io
-import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,7 +103,7 @@ class Picture:
     width : {"half", "full"}
         Of the page.
     chart : str
-        The same for the screen, to be zoomed and read off: what `charts.js` draws, as JSON (see `chart_part`); the
+        The same for the screen, to be zoomed and read off: what `charts.js` draws, as JSON (see `Chart`); the
         picture then serves print and pages whose scripts do not run. May be empty.
     choices : tuple of str
         Names of what the chart shows one of at a time.
@@ -327,48 +325,6 @@ def as_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     writer.writerow(header)
     writer.writerows(rows)
     return text.getvalue()
-
-
-HEIGHT = 360  # px
-
-
-def chart(traces: Sequence[Mapping[str, Any]], layout: Mapping[str, Any]) -> str:
-    """Return a figure as the JSON that `charts.js` draws.
-
-    Parameters
-    ----------
-    traces : sequence of mapping
-        What is drawn, in plotly's terms; arrays are written as binary numbers of single precision.
-    layout : mapping
-        Axes, legend and height likewise; the page adds its own colours and letters.
-
-    Raises
-    ------
-    ValueError
-        Plotly does not know a property.
-    """
-    import plotly.graph_objects as go
-
-    figure = go.Figure(
-        data=[dict(t) for t in traces], layout={"height": HEIGHT, **layout, "template": "none"}
-    )
-    plain = json.loads(figure.to_json())
-    return json.dumps({"data": plain["data"], "layout": plain["layout"]}, separators=(",", ":"))
-
-
-def single(value: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
-    """Return numbers in the precision that a chart needs."""
-    return np.asarray(value, dtype=np.float32)
-
-
-def axis(title: str, **others: Any) -> dict[str, Any]:
-    """Return an axis with a title that never overlaps its numbers."""
-    return {"title": {"text": title, "standoff": 8}, "automargin": True, **others}
-
-
-def legend_above() -> dict[str, Any]:
-    """Return a legend in a line above the axes."""
-    return {"orientation": "h", "x": 0.0, "y": 1.02, "yanchor": "bottom"}
 
 
 def renderer() -> str:

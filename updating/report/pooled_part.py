@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from ema.plot import palette
-from updating.report.part import Picture, Section, Table, as_csv, axis, chart, legend_above, svg
+from updating.report.chart import Chart, axis, charted, legend_above
+from updating.report.part import Picture, Section, Table, as_csv
 from updating.results.pooled import (
     SPECIMEN_HEADER,
     UNKNOWN,
@@ -18,10 +19,6 @@ from updating.results.pooled import (
     specimen_row,
 )
 from updating.results.text import interval_text
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Contact = Literal["G_f", "d_f"]
 
@@ -151,11 +148,10 @@ def _percent(damping: float) -> str:
 def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
     """Draw the error of each specimen before and after; those that are odd are marked."""
     odd = [specimen.name for specimen in specimens if specimen.odd]
-    return Picture(
-        name="specimen_errors",
-        content=svg(_figure(lambda axes: _draw_errors(axes, specimens))),
-        form="svg",
-        data=as_csv(
+    return charted(
+        "specimen_errors",
+        _error_chart(specimens),
+        as_csv(
             ("specimen", group, "error before [1]", "error after [1]", "left out [1]", "odd"),
             (
                 (
@@ -172,7 +168,6 @@ def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
         alt=f"Frequency errors of {len(specimens)} specimens before and after; odd: {', '.join(odd) or 'none'}",
         caption="Mean frequency error of each specimen with the base model and with what was identified. "
         + ("A diamond marks what is odd." if odd else "No specimen is odd."),
-        chart=_error_chart(specimens),
     )
 
 
@@ -188,7 +183,7 @@ def _error_series(
     return [*series, *([("diamond", palette.ACCENT, "odd", odd, "error")] if odd else [])]
 
 
-def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
+def _error_chart(specimens: Sequence[SpecimenAnswer]) -> Chart:
     traces = [
         {
             "type": "scatter",
@@ -202,9 +197,9 @@ def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
         }
         for symbol, color, name, drawn, key in _error_series(specimens)
     ]
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "height": 300,
             "yaxis": axis("mean frequency error [%]", rangemode="tozero"),
             "xaxis": {"automargin": True, "type": "category"},
@@ -214,36 +209,12 @@ def _error_chart(specimens: Sequence[SpecimenAnswer]) -> str:
     )
 
 
-def _draw_errors(axes: Axes, specimens: Sequence[SpecimenAnswer]) -> None:
-    at = {specimen.name: k for k, specimen in enumerate(specimens)}
-    for specimen in specimens:
-        axes.plot(
-            [at[specimen.name]] * 2,
-            [100.0 * specimen.base_error, 100.0 * specimen.error],
-            color=palette.QUIET,
-            zorder=1,
-        )
-    for symbol, color, name, drawn, key in _error_series(specimens):
-        axes.scatter(
-            [at[specimen.name] for specimen in drawn],
-            [100.0 * getattr(specimen, key) for specimen in drawn],
-            color=color,
-            marker={"circle": "o", "diamond": "D"}[symbol],
-            label=name,
-            zorder=2,
-        )
-    axes.set_xticks(list(at.values()), list(at), fontsize=8)
-    axes.set_ylim(bottom=0.0)
-    axes.set_ylabel("mean frequency error [%]")
-
-
 def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> Picture:
     """Draw a contact parameter over pressure, a line for each specimen, coloured by its group."""
-    return Picture(
-        name=f"specimen_{name}",
-        content=svg(_figure(lambda axes: _draw_contact(axes, specimens, name, group))),
-        form="svg",
-        data=as_csv(
+    return charted(
+        f"specimen_{name}",
+        contact_chart(specimens, name, group),
+        as_csv(
             ("specimen", group, "configuration", "pressure [kPa]", f"{_LABEL[name]}", "lower", "upper"),
             (
                 (
@@ -266,11 +237,10 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
         + (f", its colour the {group}." if group else ".")
         + " A law of pressure that was found is taken out.",
         width="half",
-        chart=contact_chart(specimens, name, group),
     )
 
 
-def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> str:
+def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> Chart:
     """Return a contact parameter over pressure as lines to be zoomed, one a specimen, coloured by a column of notes."""
     colour, shown, traces = _colours(specimens, group), set[str](), []
     for specimen in specimens:
@@ -291,31 +261,15 @@ def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str
             }
         )
         shown.add(value)
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "yaxis": axis(_LABEL[name], **({"type": "log"} if name in _RATIOS else {"rangemode": "tozero"})),
             "xaxis": axis("pressure [kPa]"),
             "legend": {"groupclick": "toggleitem"},
             "margin": {"r": 8, "t": 16},
         },
     )
-
-
-def _draw_contact(axes: Axes, specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> None:
-    colour, shown = _colours(specimens, group), set[str]()
-    for specimen in specimens:
-        x, y, down, up = _line(specimen, name)
-        value = specimen.notes.get(group, "") or "not stated"
-        label = "" if not group or value in shown else value
-        axes.errorbar(x, y, (down, up), color=colour[specimen.name], marker="o", markersize=3, label=label)
-        shown.add(value)
-    axes.set_xlabel("pressure [kPa]")
-    axes.set_ylabel(_LABEL[name])
-    if name in _RATIOS:
-        axes.set_yscale("log")
-    else:
-        axes.set_ylim(bottom=0.0)
 
 
 def _line(
@@ -340,15 +294,3 @@ def _colours(specimens: Sequence[SpecimenAnswer], group: str) -> dict[str, str]:
         specimen.name: palette.SERIES[values.index(specimen.notes.get(group, "")) % len(palette.SERIES)]
         for specimen in specimens
     }
-
-
-def _figure(draw: Callable[[Axes], None]) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 3.2), layout="constrained")
-    axes = figure.subplots()
-    draw(axes)
-    axes.spines[["top", "right"]].set_visible(False)
-    if axes.get_legend_handles_labels()[1]:
-        figure.legend(loc="outside upper left", ncols=4, frameon=False, fontsize=8)
-    return figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,26 +12,14 @@ from numpy.typing import NDArray
 from ema import Change, change_csv, change_sentence
 from ema.modal.change import KINDS, STATED_FREEDOM
 from ema.plot import palette
-from ema.plot.figures import mac_figure
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
 from updating.correlation.plots import within_band
 from updating.fitting.plots import ShapePair, beside_shape
+from updating.report.chart import Chart, axis, charted, legend_above, printed, single
 from updating.report.frf_part import CHANGED, REFERENCE, frf_chart
-from updating.report.modes_part import SHADES, gallery_of, mac_chart, matrix_csv
-from updating.report.part import (
-    Gallery,
-    Picture,
-    Section,
-    Table,
-    as_csv,
-    axis,
-    chart,
-    legend_above,
-    png,
-    single,
-    svg,
-)
+from updating.report.modes_part import gallery_of, mac_picture
+from updating.report.part import Gallery, Picture, Section, Table, as_csv, png, svg
 from updating.report.results import Tested
 from updating.results.text import uncertain
 
@@ -40,7 +29,9 @@ if TYPE_CHECKING:
 
 def state_section(change: Change) -> Section:
     """Show what differs between a configuration and its reference."""
-    pictures = (shift_picture(change), mac_picture(change), comac_picture(change)) if change.mode.size else ()
+    pictures = (
+        (shift_picture(change), states_picture(change), comac_picture(change)) if change.mode.size else ()
+    )
     return Section(
         title=f"{change.name} against {', '.join(change.reference)}",
         text=(f"{change_sentence(change)}.",),
@@ -84,11 +75,10 @@ def half_intervals(change: Change) -> tuple[NDArray[np.float64], NDArray[np.floa
 def shift_picture(change: Change) -> Picture:
     """Draw the shift of every frequency with what it scatters by."""
     shift = np.expm1(change.frequency_shift)
-    return Picture(
-        name=f"change_{change.name}",
-        content=svg(shift_figure(change)),
-        form="svg",
-        data=change_csv(change),
+    return charted(
+        f"change_{change.name}",
+        shift_chart(change),
+        change_csv(change),
         alt="Shifts of the frequencies: "
         + ", ".join(
             f"mode {r + 1} {100 * s:+.2g} %" for r, s in zip(change.reference_mode, shift, strict=True)
@@ -96,27 +86,10 @@ def shift_picture(change: Change) -> Picture:
         caption="Shift of each frequency against the reference. The bars are the interval in which an unchanged "
         "structure lies in 95 of 100 cases; modes that changed are in red.",
         width="half",
-        chart=shift_chart(change),
     )
 
 
-def shift_figure(change: Change) -> Figure:
-    """Draw the shift of every frequency with what it scatters by, for print."""
-    from matplotlib.figure import Figure
-
-    half, _ = half_intervals(change)
-    figure = Figure(figsize=(5.0, 3.4), layout="constrained")
-    axes = figure.subplots()
-    at, shift, moved = np.arange(change.mode.size), np.expm1(change.frequency_shift), change.which[:, 0]
-    axes.axhline(0.0, color=palette.INK, linewidth=0.8)
-    for which, color in ((~moved, palette.QUIET), (moved, palette.ACCENT)):
-        axes.errorbar(at[which], 100 * shift[which], 100 * half[which], fmt="o", color=color, capsize=3)
-    axes.set_xticks(at, _labels(change), rotation=45, fontsize="small")
-    axes.set(xlabel="mode, frequency of the reference [Hz]", ylabel="shift [%]")
-    return figure
-
-
-def shift_chart(change: Change) -> str:
+def shift_chart(change: Change) -> Chart:
     """Return the shift of every frequency with what it scatters by as a chart."""
     shift, (half, _) = np.expm1(change.frequency_shift), half_intervals(change)
     traces = [
@@ -130,9 +103,9 @@ def shift_chart(change: Change) -> str:
         )
     ]  # fmt: skip
     kind = {"type": "category", "categoryorder": "array", "categoryarray": _labels(change)}
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "xaxis": axis("mode, frequency of the reference [Hz]", **kind),
             "yaxis": axis("shift of the frequency [%]", zeroline=True),
             "legend": legend_above(),
@@ -141,19 +114,17 @@ def shift_chart(change: Change) -> str:
     )
 
 
-def mac_picture(change: Change) -> Picture:
+def states_picture(change: Change) -> Picture:
     """Draw the MAC of the reference's modes with those of the state."""
     rows, columns = change.matrix_row, change.matrix_column
-    return Picture(
-        name=f"change_mac_{change.name}",
-        content=png(mac_figure(change.mac_matrix, rows, columns), SHADES),
-        form="png",
-        data=matrix_csv(change.mac_matrix, rows, columns),
+    return mac_picture(
+        f"change_mac_{change.name}",
+        change.mac_matrix,
+        (rows, columns),
+        (change.reference[0], change.name),
         alt="MAC matrix of the reference's and the state's modes",
         caption=f"MAC of the modes of {change.reference[0]} (rows) with those of {change.name}: 1 "
         "where two shapes are alike, 0 where they share nothing.",
-        width="half",
-        chart=mac_chart(change.mac_matrix, rows, columns, change.name, change.reference[0]),
     )
 
 
@@ -278,15 +249,12 @@ def functions_picture(tested: Tested, reference: Tested) -> Picture | None:
     lines, before = common
     curves = {CHANGED: lines.value[:, 0], REFERENCE: before}
     order = range(lines.output.node.size)
-    size = np.abs(np.array(list(curves.values())))
-    mean = np.sqrt(np.mean(size**2, axis=1))
+    mean = {tested.name: _mean(curves[CHANGED]), reference.name: _mean(before)}
     return Picture(
         name=f"beside_{tested.name}",
-        content=png(_figure(lines.frequency, mean, (tested.name, reference.name))),
+        content=png(printed(_mean_chart(lines.frequency, mean), (7.0, 3.4))),
         form="png",
-        data=as_csv(
-            ("frequency [Hz]", tested.name, reference.name), zip(lines.frequency, *mean, strict=True)
-        ),
+        data=as_csv(("frequency [Hz]", *mean), zip(lines.frequency, *mean.values(), strict=True)),
         alt=f"Functions of {tested.name} over those of {reference.name}",
         caption=f"Functions of {tested.name} (changed) over those of {reference.name} (reference), each by itself; a "
         "print shows the root mean square of all.",
@@ -295,40 +263,35 @@ def functions_picture(tested: Tested, reference: Tested) -> Picture | None:
     )
 
 
-def mean_chart(tested: Tested, reference: Tested) -> str | None:
+def mean_chart(tested: Tested, reference: Tested) -> Chart | None:
     """Return the root mean square of all functions of both states as a chart; None where lines differ."""
     common = common_lines(tested, reference)
     if common is None:
         return None
     lines, before = common
-    mean = [np.sqrt(np.mean(np.abs(functions) ** 2, axis=0)) for functions in (lines.value[:, 0], before)]
+    return _mean_chart(
+        lines.frequency, {tested.name: _mean(lines.value[:, 0]), reference.name: _mean(before)}
+    )
+
+
+def _mean(functions: NDArray[np.complex128]) -> Vector:
+    return np.sqrt(np.mean(np.abs(functions) ** 2, axis=0))
+
+
+def _mean_chart(frequency: Vector, mean: Mapping[str, Vector]) -> Chart:
     traces = [
         {
-            "type": "scatter", "mode": "lines", "name": name, "x": single(lines.frequency), "y": single(value),
+            "type": "scatter", "mode": "lines", "name": name, "x": single(frequency), "y": single(value),
             "line": {"color": color},
         }
-        for name, value, color in zip(
-            (tested.name, reference.name), mean, (palette.MEASURED, palette.BASE), strict=True
-        )
+        for (name, value), color in zip(mean.items(), (palette.MEASURED, palette.BASE), strict=True)
     ]  # fmt: skip
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "xaxis": axis("frequency [Hz]"),
             "yaxis": axis("root mean square of all functions", type="log", exponentformat="power"),
             "legend": legend_above(),
             "margin": {"r": 8, "t": 30},
         },
     )
-
-
-def _figure(frequency: Vector, mean: Vector, names: tuple[str, str]) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 3.4), layout="constrained")
-    axes = figure.subplots()
-    for line, name, color in zip(mean, names, (palette.MEASURED, palette.BASE), strict=True):
-        axes.semilogy(frequency, line, label=name, color=color)
-    axes.set(xlabel="frequency [Hz]", ylabel="root mean square of all functions [SI]")
-    axes.legend(frameon=False)
-    return figure

@@ -17,9 +17,9 @@ from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import any_pair
+from updating.report.chart import Chart, axis, legend_above
 from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
 from updating.report.modes_part import mac_chart, shape_numbers
-from updating.report.part import axis, chart, legend_above
 from updating.report.results import Tested
 from updating.report.state_part import change_table, mean_chart, shift_chart
 from updating.results.text import Z95
@@ -30,7 +30,7 @@ TITLE, ICON = "Comparison", "mdi-compare"
 _BEYOND = 3  # model modes above the last that is paired
 
 
-def frequencies_chart(tested: Tested, fit: ModelFit) -> str:
+def frequencies_chart(tested: Tested, fit: ModelFit) -> Chart:
     """Draw frequency errors with the measurement's 95 % intervals over damping ratios, of all pairs."""
     c, used = correlate(tested.measured, fit.modes, fit.pairing), fit.pairing.measured
     names = [f"{m + 1}: {frequency_text(f, 0)} Hz" for m, f in zip(used, c.measured_frequency, strict=True)]
@@ -45,9 +45,9 @@ def frequencies_chart(tested: Tested, fit: ModelFit) -> str:
     frequency["error_y"] = {"type": "data", "array": (100.0 * Z95 * c.frequency_error_std).tolist()}
     damping = bars(c.measured_damping, palette.MEASURED, "damping measured", "y2")
     damping["error_y"] = {"type": "data", "array": (100.0 * Z95 * tested.measured.damping_std[used]).tolist()}
-    return chart(
-        [frequency, damping, bars(c.model_damping, palette.BASE, "damping of the model", "y2")],
-        {
+    return Chart(
+        traces=[frequency, damping, bars(c.model_damping, palette.BASE, "damping of the model", "y2")],
+        layout={
             "yaxis": axis("frequency error [%]", domain=[0.56, 1.0], zeroline=True),
             "yaxis2": axis("damping ratio [%]", domain=[0.0, 0.44]),
             "xaxis": axis("mode", anchor="y2"),

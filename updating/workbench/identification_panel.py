@@ -26,9 +26,9 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
 from updating.errors import StoreError, UpdatingError
 from updating.fitting.plots import lone_shape
+from updating.report.chart import Chart, axis, legend_above, single
 from updating.report.frf_part import stabilization_chart
 from updating.report.modes_part import mac_chart, shape_numbers
-from updating.report.part import axis, chart, legend_above, single
 from updating.report.results import Tested
 from updating.results.identified import keep_choice
 from updating.results.store import write_bytes
@@ -38,7 +38,7 @@ from updating.workbench.opened import Opened, empty, figure, moving_page, moving
 _SAME = 2e-3  # relative distance of frequencies within which a click is on a pole that is taken already
 
 
-def diagram_chart(tested: Tested, lines: FRF, order: int) -> str:
+def diagram_chart(tested: Tested, lines: FRF, order: int) -> Chart:
     """Draw the stabilisation chart of a band."""
     diagram = stabilization(lines, order=order)
     measured = tested.measured
@@ -64,7 +64,7 @@ def _near(pole: NDArray[np.complex128], new: complex) -> NDArray[np.bool_]:
     return np.abs(np.abs(pole) / abs(new) - 1.0) < _SAME
 
 
-def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple[str, str]:
+def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple[Chart, Chart]:
     """Draw the first function of a point with its fit at the poles, and the MAC of their shapes with each other.
 
     Residues are fitted at these poles to all functions at the first input (LSFD), as the identification begins.
@@ -94,7 +94,7 @@ def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple
     }
     frequency = np.abs(pole) / (2.0 * np.pi)
     likeness = mac(fit.residue, fit.residue)
-    return chart(traces, layout), mac_chart(likeness, frequency, frequency, "chosen", "chosen")
+    return Chart(traces=traces, layout=layout), mac_chart(likeness, frequency, frequency, "chosen", "chosen")
 
 
 def shape_of(tested: Tested, lines: FRF, pole: NDArray[np.complex128], new: complex) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def shape_of(tested: Tested, lines: FRF, pole: NDArray[np.complex128], new: comp
     return shape_numbers(lone_shape(tested.measured.geometry, lines.output, fit.residue[:, -1], hertz))
 
 
-def runs_chart(measured: ModalModel) -> str:
+def runs_chart(measured: ModalModel) -> Chart:
     """Draw how far the frequency of each mode is in each run from its mean over the runs, with 95 % intervals."""
     hertz = np.abs(measured.run_pole) / (2.0 * np.pi)
     mean = hertz.mean(axis=0)
@@ -120,9 +120,9 @@ def runs_chart(measured: ModalModel) -> str:
         }
         for r in range(mean.size)
     ]  # fmt: skip
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "xaxis": axis("run"),
             "yaxis": axis("frequency off the mean of the runs [%]", zeroline=True),
             "legend": {"orientation": "v"},

@@ -17,7 +17,7 @@ from ema.plot.figures import UNIT
 from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
 from updating.correlation.plots import synthesized
-from updating.report.part import axis, chart, legend_above, single
+from updating.report.chart import Chart, axis, legend_above, single
 from updating.report.results import Tested
 from updating.workbench.opened import Opened, empty, figure, plot
 
@@ -28,7 +28,7 @@ _LONG, _THIN = 2.4, 0.3  # of the longest side as it is drawn, and the least of 
 _ARROW = 0.05  # of the longest side
 
 
-def points_chart(tested: Tested, chosen: int) -> str:
+def points_chart(tested: Tested, chosen: int) -> Chart:
     """Draw the measured points with their directions, the force, the lines between points and the stack.
 
     Points with a finding and the chosen one have another colour. The last trace holds the points, in the order of
@@ -88,7 +88,10 @@ def points_chart(tested: Tested, chosen: int) -> str:
         "camera": {"eye": {"x": -1.15, "y": -2.5, "z": 1.25}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
         "uirevision": "kept",
     }
-    return chart(traces, {"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "kept"})
+    return Chart(
+        traces=traces,
+        layout={"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "kept"},
+    )
 
 
 def _edges(*size: float) -> NDArray[np.float64]:
@@ -118,7 +121,7 @@ def point_numbers(tested: Tested) -> list[int]:
     return sorted({int(n) for n in measured.node} & {int(n) for n in measured.geometry.node})
 
 
-def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
+def functions_chart(tested: Tested, frf: FRF, point: int) -> Chart:
     """Draw magnitude, phase and coherence of all functions of one point, with those of the modes over them."""
     lines, fitted = synthesized(frf, tested.measured)
     pairs = [
@@ -162,7 +165,7 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> str:
         layout["yaxis3"] = axis("coherence", range=[0, 1.05], domain=[0.0, 0.16])
     else:
         layout["yaxis2"]["domain"] = [0.0, 0.4]
-    return chart(traces, layout)
+    return Chart(traces=traces, layout=layout)
 
 
 def findings(tested: Tested, point: int) -> tuple[list[dict[str, str]], list[dict[str, str]]]:

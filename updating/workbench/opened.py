@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import signal
 import sys
@@ -16,6 +15,7 @@ from typing import Any
 from ema.campaign.campaign import Campaign
 from updating.errors import StoreError
 from updating.fitting.plots import ShapePair
+from updating.report.chart import Chart
 from updating.report.modes_part import gallery_of
 from updating.report.page import render
 from updating.report.part import Section
@@ -85,9 +85,9 @@ CLICKED = "[$event.points[0].pointNumber, $event.points[0].curveNumber]"
 _FONT = {"family": "Roboto, system-ui, sans-serif", "size": 12}
 
 
-def figure(spec: str) -> dict[str, Any]:
-    """Return a chart (`updating.report.part`) as a figure of the page."""
-    drawn: dict[str, Any] = json.loads(spec)
+def figure(chart: Chart) -> dict[str, Any]:
+    """Return a chart as a figure of the page."""
+    drawn = chart.plain
     drawn["layout"] |= {"autosize": True, "font": _FONT}
     return drawn
 

@@ -24,8 +24,8 @@ from updating.diagnosis.fit_settings import CONTACT
 from updating.errors import PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, frequency_error
 from updating.fitting.target import Prepared, partners, prepare, solve_all, stack_in_state, target_of_modes
+from updating.report.chart import Chart, axis, legend_above, single
 from updating.report.identified_model import identified_effects
-from updating.report.part import axis, chart, legend_above, single
 from updating.report.results import Results, Tested
 from updating.results.text import quantity
 
@@ -212,7 +212,7 @@ def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
     )
 
 
-def outcome_chart(before: Outcome, now: Outcome) -> str:
+def outcome_chart(before: Outcome, now: Outcome) -> Chart:
     """Draw the frequency errors of all modes before and now, and the MAC of each."""
     names = [f"{m + 1}: {frequency_text(f, 0)} Hz" for m, f in zip(now.mode, now.measured, strict=True)]
     traces = [
@@ -229,9 +229,9 @@ def outcome_chart(before: Outcome, now: Outcome) -> str:
         }
         for result, name, color in ((before, "before", palette.BASE), (now, "now", palette.FOUND))
     ]  # fmt: skip
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "yaxis": axis("frequency error [%]", domain=[0.36, 1.0], zeroline=True),
             "yaxis2": axis("MAC", domain=[0.0, 0.26], range=[0.0, 1.05]),
             "xaxis": axis("measured mode", anchor="y2"),
@@ -268,7 +268,7 @@ def response(modes: Modes, output: int, force: Observed, lines: FRF) -> NDArray[
 
 def response_chart(
     lines: FRF, output: int, before: NDArray[np.complex128], now: NDArray[np.complex128]
-) -> str:
+) -> Chart:
     """Draw a measured function with that of the model before and now."""
     traces = [
         {
@@ -283,9 +283,9 @@ def response_chart(
     ]  # fmt: skip
     size = np.abs(lines.value[output, 0])
     reach = np.add(np.log10(np.quantile(size[size > 0.0], [0.01, 1.0])), (-0.5, 1.0))
-    return chart(
-        traces,
-        {
+    return Chart(
+        traces=traces,
+        layout={
             "xaxis": axis("frequency [Hz]"),
             "yaxis": axis(
                 f"{lines.output.name(output)} over {lines.input.name(0)} [{UNIT[lines.quantity]}]",
