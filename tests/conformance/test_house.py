@@ -34,8 +34,13 @@ def sources(package):
 
 
 @cache
+def tree_of(source):
+    return ast.parse(source)
+
+
+@cache
 def parse(path):
-    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    return tree_of(path.read_text(encoding="utf-8"))
 
 
 @cache
@@ -158,7 +163,7 @@ def test_a_circle_is_seen():
 
 def oversized(source):
     """Names in a module of what has more lines than a person takes in at once."""
-    tree = ast.parse(source)
+    tree = tree_of(source)
     if len(source.splitlines()) > MOST_LINES["module"]:
         yield "the module"
     for node in ast.walk(tree):

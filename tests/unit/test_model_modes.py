@@ -2,9 +2,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-import scipy.sparse.linalg as splinalg
 
 import model
+from tests.full_matrices import lowest_modes
 
 STACK = model.Stack(
     name="small",
@@ -31,12 +31,9 @@ def system():
 
 def full(theta, n):
     assembly = model.assemble(STACK)
-    stiffness, mass, damping = (
-        assembly.matrix(t, {**assembly.theta, **theta}).tocsc() for t in ("K", "M", "C")
-    )
-    values, vectors = splinalg.eigsh(stiffness, n, mass, sigma=-((2 * np.pi * 200) ** 2))
-    omega = np.sqrt(np.abs(values))
-    return omega / (2 * np.pi), np.einsum("ir,ir->r", vectors, damping @ vectors) / (2 * omega)
+    frequency, vectors = lowest_modes(assembly, n, **theta)
+    damping = assembly.matrix("C", {**assembly.theta, **theta})
+    return frequency, np.einsum("ir,ir->r", vectors, damping @ vectors) / (4 * np.pi * frequency)
 
 
 @pytest.mark.parametrize("G_f", [300.0, 825.0, 2500.0])

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-import scipy.sparse.linalg as splinalg
 
 import model
 from model.modes.refinement import solve_verified
 from model.stack.outline import stator
+from tests.full_matrices import lowest_modes
 
 N = 24
 UNIFORM = model.Stack(
@@ -56,11 +56,7 @@ STACKS = {
 
 
 def exact(stack):
-    assembly = model.assemble(stack)
-    stiffness, mass = (assembly.matrix(target, assembly.theta).tocsc() for target in ("K", "M"))
-    sigma = -((2 * np.pi * 200) ** 2)
-    values = np.sort(splinalg.eigsh(stiffness, N_MODE, mass, sigma=sigma, return_eigenvectors=False))
-    return np.sqrt(values[6:]) / (2 * np.pi)
+    return lowest_modes(model.assemble(stack), N_MODE)[0][6:]
 
 
 @pytest.mark.parametrize("name", STACKS)
