@@ -48,7 +48,7 @@ def test_nothing_is_shared_beyond_an_end(position, expected):
 def test_frequencies_follow_the_station_of_an_inertia_smoothly():
     """Summed inertias of neighbouring places made a mode 3 % too high between them, with a valley at each place."""
     stack = model.Stack(
-        name="bar", length=0.465, width=0.0624, height=0.06375, n_lamina=40,
+        name="bar", length=0.465, width=0.0624, height=0.06375, n_lamina=12,
         material=model.Material(young=2e11, poisson=0.28, density=7650.0),
         contact=model.Contact(G_f=1480.0, d_f=1e-11, pressure=320e3, normal_modulus=1e9),
         mesh=model.Mesh(n_x=18, n_y=2),
@@ -65,7 +65,7 @@ def test_frequencies_follow_the_station_of_an_inertia_smoothly():
 
 
 BAR = model.Stack(
-    name="bar", length=0.465, width=0.0624, height=0.06375, n_lamina=20,
+    name="bar", length=0.465, width=0.0624, height=0.06375, n_lamina=10,
     material=model.Material(young=2e11, poisson=0.28, density=7650.0),
     contact=model.Contact(G_f=1480.0, d_f=1e-11, pressure=320e3, normal_modulus=1e9),
     clamps=tuple(model.Clamp(mass=0.0, x=x, y=0.0, footprint=(0.04, 0.06)) for x in (-0.109, -0.03, 0.03, 0.109)),
@@ -121,7 +121,7 @@ def test_mirrored_clamps_that_are_loose_lower_the_same_modes_and_others_do_not()
 
 def test_a_loose_clamp_rides_on_its_seat_as_a_mass_on_a_spring():
     """At the frequency of a mode the clamp has the apparent mass m / (1 - omega**2 m c)."""
-    mass, compliance = 0.4, 1e-8
+    mass, compliance = 0.4, 4e-8
     heavy = [dataclasses.replace(clamp, mass=mass) for clamp in BAR.clamps]
     loose = model.reduce(
         dataclasses.replace(BAR, clamps=tuple(heavy)).with_effects(model.catalogue()["loose_clamp"]),
