@@ -6,7 +6,6 @@ static and transient results in such data sets are no modes and are left out wit
 
 from __future__ import annotations
 
-import mmap
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,10 +21,7 @@ from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry
 
 MODE_SETS = ("55", "2414")
-_SHAPES, _FUNCTIONS = (
-    re.compile(rb"^ {4}-1[ \r]*\n *(?:" + kinds + rb")[ \r\n]", re.MULTILINE)
-    for kinds in (rb"55|2414", rb"58b?")
-)
+_FUNCTIONS = ("58", "58b")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
 _NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND = 2, 3, 7
 _ANALYSES = {0: "unknown", 1: "static", 4: "transient", 5: "frequency response", 6: "buckling"}
@@ -50,12 +46,12 @@ class _Header:
 
 
 def holds(path: Path) -> tuple[bool, bool]:
-    """Tell whether a universal file has data sets of shapes, and whether of functions, without reading it."""
+    """Tell whether a universal file has data sets of shapes, and whether of functions, by their heads alone."""
     try:
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            return _SHAPES.search(content) is not None, _FUNCTIONS.search(content) is not None
-    except (OSError, ValueError):  # there is no such file, or it is empty
+        kinds = {data_set.kind for data_set in cut(path, heads=True)}
+    except MeasurementError:  # there is no such file, or it is none
         return False, False
+    return not kinds.isdisjoint(MODE_SETS), not kinds.isdisjoint(_FUNCTIONS)
 
 
 def read_modes_uff(path: Path, geometry: Geometry) -> FoundModes:

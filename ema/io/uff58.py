@@ -13,6 +13,7 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -109,7 +110,22 @@ class Record58:
 
 def cut(path: Path, *, heads: bool = False) -> list[DataSet]:
     """Return what `data_sets` gives, as a list."""
-    return list(data_sets(path, heads=heads))
+    if not heads:
+        return list(data_sets(path))
+    try:
+        state = path.stat()
+    except (OSError, ValueError):
+        return list(data_sets(path, heads=True))  # which says what is wrong
+    return list(_heads(path, state.st_mtime_ns, state.st_size))
+
+
+@lru_cache(maxsize=1)
+def _heads(path: Path, mtime: int, size: int) -> tuple[DataSet, ...]:
+    """Return the heads of a file in a state that its time and its size tell; several readers of a draft ask for them.
+
+    `mtime`, `size`: of the file, ns and bytes.
+    """
+    return tuple(data_sets(path, heads=True))
 
 
 def data_sets(path: Path, *, heads: bool = False) -> Iterator[DataSet]:
@@ -149,6 +165,8 @@ def data_sets(path: Path, *, heads: bool = False) -> Iterator[DataSet]:
         end = _binary_end(data, position, where) if name == "58b" else _text_end(data, position)
         stop = min(end[0], position + _LONGEST_HEADER) if heads and name in ("58", "58b") else end[0]
         body = data[position:stop]
+        if isinstance(data, mmap.mmap) and hasattr(data, "madvise"):
+            data.madvise(mmap.MADV_DONTNEED)  # pages that were read would count as memory up to the end
         yield DataSet(where=where, kind=name, kind_line=line, body=body, closed=end[1] >= 0)
         position = end[1] if end[1] >= 0 else len(data)
     if n_set == 0:

@@ -1,6 +1,8 @@
 """Files as laboratories have them: units of axes, lines without numbers, parts with the same points, odd layouts."""
 
 import re
+import subprocess
+import sys
 import tracemalloc
 from dataclasses import replace
 
@@ -371,6 +373,26 @@ def test_memory_of_large_universal_files(tmp_path):
     measured = replace(measured, frf=replace(measured.frf, value=measured.frf.value * (1.0 + noise)))
     check(measured, (1.0, 100.0))  # imports what it needs
     assert peak_of(lambda: check(measured)) < 2.0 * arrays
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is counted in kB on Linux")
+def test_a_first_campaign_file_needs_no_numbers_of_a_file(tmp_path):
+    """Of 2 GB, here empty, nothing but the headers is looked at; pages that were mapped once counted as memory."""
+    n_value, header = 125_000_000, encode_58b(HEADER, 0.0, 0.5, VALUE)
+    head = header[: header.index(b"    -1\n    58b") + 4096].replace(b"        40", b" 125000000", 1)
+    head = head[: len(header) - len(VALUE) * 8 - len(b"    -1\n")]
+    with (tmp_path / "a.uff").open("wb") as file:
+        for _ in range(2):
+            file.write(head)
+            file.seek(8 * n_value, 1)
+            file.write(b"\n    -1\n")
+    code = (
+        "import sys, resource\nfrom pathlib import Path\nfrom updating.commands.new import new_command\n"
+        "new_command(Path(sys.argv[1]))\nprint(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, tmp_path], capture_output=True, text=True, check=True)
+    assert "2 functions" in done.stdout
+    assert int(done.stdout.split()[-1]) < 200_000
 
 
 def test_records_of_unequal_lengths_share_their_lines(tmp_path):
