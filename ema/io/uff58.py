@@ -120,10 +120,10 @@ def cut(path: Path, *, heads: bool = False) -> list[DataSet]:
 
 
 @lru_cache(maxsize=1)
-def _heads(path: Path, mtime: int, size: int) -> tuple[DataSet, ...]:
+def _heads(path: Path, _mtime: int, _size: int) -> tuple[DataSet, ...]:
     """Return the heads of a file in a state that its time and its size tell; several readers of a draft ask for them.
 
-    `mtime`, `size`: of the file, ns and bytes.
+    `_mtime`, `_size`: of the file, ns and bytes.
     """
     return tuple(data_sets(path, heads=True))
 
