@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections import Counter
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
 from ema.campaign.draft_histories import is_of_force, of_motions_alone, side_by_side
 from ema.io.contents import UNKNOWN, Code, Contents, dof_name, point_in
 from ema.io.guess_table import guess_table, not_understood
-from ema.io.guess_variables import guess_variables
+from ema.io.guess_variables import axis_keys, guess_variables, lone_axis
 from ema.io.measured_function import MeasuredFunction
 from ema.io.sdynpy import holds_data_arrays, read_data_arrays
 from ema.io.table import read_points
@@ -101,7 +102,7 @@ def draft(folder: Path) -> Draft:
             continue
         files = sorted((f for f in place.iterdir() if f.is_file()), key=natural)
         contents = tuple(c for c in (_contents(file, left_out) for file in files) if c is not None)
-        contents = _measurements(_beside_forces(contents), left_out)
+        contents = _measurements(_beside_frequencies(_beside_forces(contents)), left_out)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
     configurations = _with_forces(_of_one_layout(configurations, left_out), left_out)
@@ -220,6 +221,58 @@ def _beside_forces(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
     )
 
 
+def _beside_frequencies(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
+    """Return FRFs whose frequencies a file beside them holds, such as ``freq.npy``, with these, without that file."""
+    alone = {
+        c.file: axis
+        for c in contents
+        if c.keys.get("frf") == UNKNOWN
+        and (axis := lone_axis(c.file, matlab=format_of(c.file) == "mat")) is not None
+    }
+    given: list[Contents] = []
+    used: set[Path] = set()
+    for c in contents:
+        fits = [file for file, axis in alone.items() if axis.size == c.lengths.get("frequency")]
+        if c.keys.get("frequency") != UNKNOWN or len(fits) != 1:
+            given.append(c)
+            continue
+        used.add(fits[0])
+        keys = {key: value for key, value in c.keys.items() if key != "frequency"} | axis_keys(alone[fits[0]])
+        guess = f"the frequencies are those of {fits[0].name}"
+        given.append(replace(c, keys=keys, guesses=(*c.guesses, guess)))
+    return tuple(c for c in given if c.file not in used)
+
+
+def _of_one_name(every: list[Contents]) -> list[Contents]:
+    """Return files of arrays whose names differ from file to file, such as ``FRF_1`` in FRF_1.mat, with * there."""
+    arrays = [c for c in every if c.section == "variables"]
+    keys = [c.keys for c in arrays]
+    if len(arrays) < 2 or any(k.keys() != keys[0].keys() for k in keys):
+        return every
+    common = dict(keys[0])
+    for key in common:
+        values = [k[key] for k in keys]
+        if all(value == values[0] for value in values):
+            continue
+        if not all(isinstance(value, str) and UNKNOWN not in value for value in values):
+            return every
+        start = _shared_start(values).rstrip("0123456789")
+        end = _shared_start([value[len(start) :][::-1] for value in values])[::-1].lstrip("0123456789")
+        common[key] = f"{start}*{end}"
+    if common == keys[0]:
+        return every
+    said = "where the names of variables differ from file to file stands *"
+    return [
+        replace(c, keys=common, guesses=(*c.guesses, said)) if c.section == "variables" else c for c in every
+    ]
+
+
+def _shared_start(names: list[str]) -> str:
+    """Return the characters with which all names begin."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    return "".join(letters[0] for letters in alike)
+
+
 def _measurements(contents: tuple[Contents, ...], left_out: list[str]) -> tuple[Contents, ...]:
     """Return the files in which something tells that they are a measurement; say of the others that nothing does.
 
@@ -301,7 +354,8 @@ def _of_one_layout(
 ) -> dict[str, tuple[Contents, ...]]:
     """Keep the files that one campaign file can describe: FRFs where there are any, and those of the usual layout."""
     every = [c for contents in configurations.values() for c in contents]
-    every = [_with_channels(c, every) for c in every]
+    every = _of_one_name([_with_channels(c, every) for c in every])
+    of_file = {c.file: c for c in every}
     of_frfs = [c for c in every if not c.is_time]
     only_time = not of_frfs or (len(every) > 2 * len(of_frfs) and all(c.by_numbers for c in of_frfs))
     used = [c for c in every if c.is_time == only_time]
@@ -317,7 +371,7 @@ def _of_one_layout(
             usual[section] = layouts[counts.most_common(1)[0][0]]
     kept: dict[str, tuple[Contents, ...]] = {}
     for name, contents in configurations.items():
-        for c in (_with_channels(c, every) for c in contents):
+        for c in (of_file[c.file] for c in contents):
             if c.is_time and not only_time:
                 left_out.append(f"{c.file}: holds time histories, and other files FRFs")
             elif only_time and not c.is_time:

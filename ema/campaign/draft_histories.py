@@ -15,7 +15,7 @@ from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.estimate import find_hits
 from ema.io.array_histories import read_histories
 from ema.io.contents import FORCE, UNKNOWN, Code, Contents, dofs_in, with_names
-from ema.io.guess_variables import PULSE, pulse_share
+from ema.io.guess_histories import PULSE, pulse_share
 from ema.io.measured_function import MeasuredFunction
 from ema.io.sdynpy import read_data_arrays
 from ema.io.table import TableLayout, read_table

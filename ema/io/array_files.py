@@ -224,10 +224,21 @@ class ArrayInFile:
         return " x ".join(map(str, self.shape)) or "one number"
 
 
+def pattern_of(name: str) -> re.Pattern[str]:
+    """Return the pattern of the variables that a name, perhaps with ``*``, stands for, in groups what stands there."""
+    return re.compile(re.escape(name).replace(r"\*", "([^./]*)"))
+
+
 class _Held(dict[str, ArrayInFile]):
-    """Arrays by their names, and parts of them by their places, such as ``FRF[:, 1::2]``."""
+    """Arrays by their names, perhaps with ``*`` for what differs from file to file, and parts of them by their places.
+
+    ``FRF_*.y`` is the one array whose name is like this, ``FRF[:, 1::2]`` every second column of an array.
+    """
 
     def __missing__(self, name: str) -> ArrayInFile:
+        alike = [n for n in self if pattern_of(name).fullmatch(n)] if "*" in name else []
+        if len(alike) == 1:
+            return self[alike[0]]
         match = _PART.fullmatch(name)
         if match is None or match[1] not in self:
             raise KeyError(name)

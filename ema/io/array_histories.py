@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.array_files import ArrayInFile, array, arrays_in
+from ema.io.array_files import ArrayInFile, array, arrays_in, pattern_of
 from ema.io.files import plain_bytes
 from ema.io.measured_function import Channels, MeasuredFunction, require_ascending
 from ema.io.variables import FIRST_CHANNEL, VariableLayout
@@ -85,11 +85,6 @@ def _alike(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -
     if not names:
         array(path, arrays, key, name)  # says which there are
     return names
-
-
-def pattern_of(name: str) -> re.Pattern[str]:
-    """Return the pattern of the variables that a name, perhaps with ``*``, stands for, in groups what stands there."""
-    return re.compile(re.escape(name).replace(r"\*", "([^./]*)"))
 
 
 def _starred(name: str, variable: str) -> tuple[str, ...]:

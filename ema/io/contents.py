@@ -79,6 +79,11 @@ class Contents:
     guesses: tuple[str, ...] = ()
 
 
+def field_of(name: str) -> str:
+    """Return the name of a field or data set without those of the structures and groups that it is in."""
+    return re.split(r"[./@]", name)[-1]
+
+
 def dofs_in(text: str) -> list[Code]:
     """Return the DOFs that a header or a file name holds, such as ``12+z``, ``12:+Z``, ``12Z-`` or ``P12_Z``."""
     dofs = []

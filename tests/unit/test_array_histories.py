@@ -13,7 +13,7 @@ import ema
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.io.array_histories import read_histories, read_wav
-from ema.io.guess_variables import pulse_share
+from ema.io.guess_histories import guess_histories, pulse_share
 from ema.io.measured_function import is_uneven, rate_of_rounded
 from ema.io.table import TableLayout, read_table
 from ema.io.variables import VariableLayout
@@ -464,3 +464,18 @@ files = ["a.wav"]
     )
     with pytest.raises(ema.CampaignError, match=r"sound files \(.wav\) .* need 'full_scale'"):
         ema.read_campaign(tmp_path / "campaign.toml")
+
+
+@pytest.mark.parametrize("channel_last", [True, False])
+def test_as_many_blows_as_channels_are_told_apart_by_the_force(channel_last):
+    """Where lengths do not tell, one order of the axes explains the responses, and the other does not."""
+    rng = np.random.default_rng(0)
+    force = np.zeros((600, 4))
+    force[[40, 43, 47, 52], range(4)] = 1.0, 2.0, 0.5, 3.0
+    ringing = np.exp(-np.arange(600) / 60.0) * rng.standard_normal((4, 600))
+    response = np.array(
+        [[np.convolve(f, h)[:600] for h in ringing] for f in force.T]
+    )  # (hit, channel, sample)
+    response = response.transpose(2, 0, 1) if channel_last else response.transpose(2, 1, 0)
+    found = guess_histories({"Xhammer": force, "Y": response, "fs": np.array(1000.0)}, {})
+    assert found.keys["axes"] == (["time", "hit", "channel"] if channel_last else ["time", "channel", "hit"])

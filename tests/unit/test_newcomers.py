@@ -340,6 +340,42 @@ KINDS: dict[str, Kind] = {
     "UFF: called as text": Kind(
         lambda folder: (universal()(folder), (folder / "a.uff").rename(folder / "a.txt")), rtol=1e-6
     ),
+    "MATLAB: circular frequencies": Kind(
+        mat({"H": VALUE, "omega": 2 * np.pi * FREQUENCY}), said="axis_step = 0.5", rtol=1e-6
+    ),
+    "NumPy: two-sided functions": Kind(
+        npz(
+            {
+                "H": np.vstack([np.zeros((1, 3)), VALUE, VALUE[-2::-1].conj()]),
+                "freq": np.fft.fftfreq(800, 1 / 400) * np.where(np.arange(800) == 400, -1, 1),
+            }
+        ),
+        said="is two-sided",
+        zero=True,
+    ),
+    "NumPy: frequencies in a file beside the functions": Kind(
+        lambda folder: (np.save(folder / "frf.npy", VALUE.T), np.save(folder / "freq.npy", FREQUENCY)),
+        said="the frequencies are those of freq.npy",
+    ),
+    "HDF5: both parts along the last axis": Kind(
+        hdf5({"H": np.stack([VALUE.T.real, VALUE.T.imag], axis=-1), "freq": FREQUENCY}),
+        said='real = "H[:, :, 0]"',
+    ),
+    "MATLAB: names of variables that differ from file to file": Kind(
+        lambda folder: [
+            savemat(
+                folder / f"FRF_{k}.mat",
+                {
+                    f"FRF_{k}": {
+                        "y_values": {"values": v[:, None]},
+                        "x_values": {"increment": 0.5, "start_value": 0.5},
+                    }
+                },
+            )
+            for k, v in enumerate(VALUE.T, start=1)
+        ],
+        said='frf = "FRF_*.y_values.values"',
+    ),
     "NumPy: functions from the highest frequency down": Kind(
         npz({"H": VALUE[::-1].T, "freq": FREQUENCY[::-1]})
     ),
