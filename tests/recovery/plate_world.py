@@ -6,6 +6,8 @@ Nothing here uses `model`: what it makes is what a laboratory would measure of s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -32,17 +34,9 @@ class Edge:
     rotation: float
 
 
-def plate_modes(
-    n_mode: int,
-    edge: Edge | None,
-    places: Array,
-    mesh: tuple[int, int] = (6, 4),
-    mass: tuple[float, float, float] | None = None,
-) -> tuple[Array, Array]:
-    """Return frequencies (n_mode,), Hz, and deflections (n_place, n_mode) at places (n_place, 2), m.
-
-    `mass` adds so many kg at a place, as (x, y, kg).
-    """
+@cache
+def free_plate(mesh: tuple[int, int]) -> tuple[skfem.Basis, Any, Array]:
+    """Return the elements of a plate, its stiffness, sparse, and its mass."""
     grid = skfem.MeshTri.init_tensor(
         np.linspace(0.0, LENGTH, mesh[0] + 1), np.linspace(0.0, WIDTH, mesh[1] + 1)
     )
@@ -59,23 +53,46 @@ def plate_modes(
     def inertia(u, v, _):
         return DENSITY * THICKNESS * u * v
 
-    stiffness = skfem.asm(bending, basis)
-    if edge is not None:
-        held = skfem.FacetBasis(
-            grid, basis.elem, facets=grid.facets_satisfying(lambda x: np.isclose(x[0], 0.0)), intorder=8
-        )
+    return basis, skfem.asm(bending, basis), skfem.asm(inertia, basis).toarray()
 
-        @skfem.BilinearForm
-        def springs(u, v, w):
-            return edge.translation * u * v + edge.rotation * dot(grad(u), w.n) * dot(grad(v), w.n)
 
-        stiffness = stiffness + skfem.asm(springs, held)
+@cache
+def stiffness_of(mesh: tuple[int, int], edge: Edge | None) -> Array:
+    """Return the stiffness of a plate with springs along its edge."""
+    basis, stiffness, _ = free_plate(mesh)
+    if edge is None:
+        return stiffness.toarray()
+    held = skfem.FacetBasis(
+        basis.mesh,
+        basis.elem,
+        facets=basis.mesh.facets_satisfying(lambda x: np.isclose(x[0], 0.0)),
+        intorder=8,
+    )
+
+    @skfem.BilinearForm
+    def springs(u, v, w):
+        return edge.translation * u * v + edge.rotation * dot(grad(u), w.n) * dot(grad(v), w.n)
+
+    return (stiffness + skfem.asm(springs, held)).toarray()
+
+
+def plate_modes(
+    n_mode: int,
+    edge: Edge | None,
+    places: Array,
+    mesh: tuple[int, int] = (6, 4),
+    mass: tuple[float, float, float] | None = None,
+) -> tuple[Array, Array]:
+    """Return frequencies (n_mode,), Hz, and deflections (n_place, n_mode) at places (n_place, 2), m.
+
+    `mass` adds so many kg at a place, as (x, y, kg).
+    """
+    basis, _, heavy = free_plate(mesh)
     first = 3 if edge is None else 0
-    heavy = skfem.asm(inertia, basis).toarray()
     if mass is not None:
         row = basis.probes(np.array([[mass[0] + LENGTH / 2.0], [mass[1] + WIDTH / 2.0]])).toarray()
-        heavy += mass[2] * row.T @ row
-    values, vectors = la.eigh(stiffness.toarray(), heavy, subset_by_index=[first, first + n_mode - 1])
+        heavy = heavy + mass[2] * row.T @ row
+    values, vectors = la.eigh(stiffness_of(mesh, edge), heavy, subset_by_index=[first, first + n_mode - 1])
     inside = np.clip(
         places.T + np.array([[LENGTH], [WIDTH]]) / 2.0, 1e-9, np.array([[LENGTH], [WIDTH]]) - 1e-9
     )
