@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections import Counter
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
@@ -27,6 +29,7 @@ from ema.io.uff import (
     VOLTS,
     read_uff_functions,
     read_uff_geometry,
+    read_uff_units,
 )
 from ema.io.uff58 import cut
 from ema.io.uff_sets import LABEL_OF_MOTION
@@ -39,6 +42,8 @@ _NO_DATA = (
     ".ipynb", ".log", ".ini",
 )  # fmt: skip
 """Suffixes of what stands beside measurements; nobody takes these for some."""
+_OF_A_POINT = re.compile(r"(point|pnt|node|punkt|knoten|to[cč]ka|position|dof)[ _.-]*\d+", re.IGNORECASE)
+"""What a folder with the records of one point is called; p1 may be a pressure."""
 _RESULT = "modal_model.json"  # in a folder of results, which are no measurements
 
 
@@ -105,7 +110,7 @@ def draft(folder: Path) -> Draft:
         contents = _measurements(_beside_frequencies(_beside_forces(contents)), left_out)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
-    configurations = _with_forces(_of_one_layout(configurations, left_out), left_out)
+    configurations = _with_forces(_of_one_layout(_over_points(folder, configurations), left_out), left_out)
     if not configurations:
         beside = [file.name for place in places for file in sorted(place.iterdir()) if _is_beside(file)]
         left_out += [f"{', '.join(beside[:4])}: not looked into"] if beside else []
@@ -122,6 +127,24 @@ def draft(folder: Path) -> Draft:
         configurations=configurations,
         left_out=tuple(left_out),
     )
+
+
+def _over_points(
+    folder: Path, configurations: dict[str, tuple[Contents, ...]]
+) -> dict[str, tuple[Contents, ...]]:
+    """Return subfolders that are called by points, such as point_1 and point_2, as one configuration: no states."""
+    of_place: dict[Path, list[str]] = defaultdict(list)
+    for name, contents in configurations.items():
+        place = contents[0].file.parent
+        if place != folder and _OF_A_POINT.fullmatch(place.name):
+            of_place[place.parent].append(name)
+    merged = dict(configurations)
+    for place, names in of_place.items():
+        parts = place.relative_to(folder).parts
+        together = "_".join(parts) or folder.resolve().name
+        if len(names) > 1 and together not in configurations:
+            merged[together] = tuple(c for name in names for c in merged.pop(name))
+    return merged
 
 
 def model_file(folder: Path) -> Path | None:
@@ -443,33 +466,36 @@ def _lists_points(file: Path) -> bool:
     return {"node", "x", "y", "z"} <= names
 
 
-def _points(
-    folder: Path, configurations: dict[str, tuple[Contents, ...]], *, longest: float = 10.0
-) -> PointsFound | None:
-    """Return the list of points: a table of the folder, else the first universal file that holds some.
+def first_points(files: Iterable[Path], *, longest: float = 10.0) -> PointsFound | None:
+    """Return the first of files that lists points, with the unit of lengths where it states none.
 
     `longest`: m; points that span more than this number of their unit are in mm.
     """
-    for file in sorted(folder.rglob("*"), key=natural):
-        if (file.parent / _RESULT).exists():
-            continue
-        if file.is_file() and file.suffix.lower() in _TEXT_SUFFIXES and _lists_points(file):
-            try:
-                geometry = read_points(file, parse_unit("m"))
-            except MeasurementError:
-                continue
-            span = float(np.ptp(geometry.coordinate, axis=0).max())
-            unit = "mm" if span > longest else "m"
-            return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
-    measured = [c.file for contents in configurations.values() for c in contents]
-    for file in (*sorted(folder.iterdir(), key=natural), *measured):
-        if format_of(file) == "uff" and file.is_file():
-            try:
+    for file in files:
+        stated = False
+        try:
+            if format_of(file) == "uff":
                 geometry, _ = read_uff_geometry(file)
-            except MeasurementError:
-                continue
-            return PointsFound(file=file, unit=None, span=0.0, node=tuple(geometry.node.tolist()))
+                stated = read_uff_units(file) is not None
+            else:
+                geometry = read_points(file, parse_unit("m"))
+        except MeasurementError:
+            continue
+        span = float(np.ptp(geometry.coordinate, axis=0).max())
+        unit = None if stated else "mm" if span > longest else "m"
+        return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
     return None
+
+
+def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> PointsFound | None:
+    """Return the list of points: a table of the folder, else the first universal file that holds some."""
+    every = [
+        f for f in sorted(folder.rglob("*"), key=natural) if f.is_file() and not (f.parent / _RESULT).exists()
+    ]
+    tables = [f for f in every if f.suffix.lower() in _TEXT_SUFFIXES and _lists_points(f)]
+    measured = [c.file for contents in configurations.values() for c in contents]
+    beside = [f for f in sorted(folder.iterdir(), key=natural) if f.is_file()]
+    return first_points((*tables, *(f for f in (*beside, *measured) if format_of(f) == "uff")))
 
 
 def unlisted(drafted: Draft) -> list[int]:

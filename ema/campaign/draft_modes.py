@@ -6,18 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from ema.campaign.campaign_file import format_of, natural
-from ema.campaign.draft import Draft, PointsFound, model_file
+from ema.campaign.draft import Draft, first_points, model_file
 from ema.campaign.draft_file import DraftFile, as_toml
 from ema.io.found_modes import is_table_of_modes, is_table_of_shapes
 from ema.io.modes_uff import holds
 from ema.io.sdynpy import is_shape_array
-from ema.io.table import read_points
-from ema.io.uff import read_uff_geometry
-from ema.io.units import parse_unit
-from ema.types.errors import MeasurementError
 
 _OTHERS = (".mat", ".h5", ".hdf5", ".tdms", ".lvm")  # which hold functions
 _TEXTS = (".csv", ".txt", ".dat", ".asc", ".tsv")
@@ -70,7 +64,7 @@ def draft_modes(folder: Path) -> ModesDraft | None:
     whole = [*of_modes, *(f for f in arrays if is_shape_array(f))]
     if not (whole or modes) or len(whole) < len(arrays) + len(of_modes):
         return None
-    listed = _points([*points, *(f for f in universal if f not in of_modes), *of_modes])
+    listed = first_points([*points, *(f for f in universal if f not in of_modes), *of_modes])
     if [f for f in points if listed is None or f != listed.file]:
         return None  # other tables, which may hold functions
     files: dict[str, tuple[Path, ...]] = {_name(folder, f): (f,) for f in whole}
@@ -147,25 +141,6 @@ def _beside(table: Path, modes: list[Path], shapes: list[Path]) -> tuple[Path, .
     """Return the table of shapes that belongs to a table of modes: the one of its folder, or the one in its place."""
     near, others = ([f for f in every if f.parent == table.parent] for every in (shapes, modes))
     return (near[others.index(table)],) if len(near) == len(others) else ()
-
-
-def _points(candidates: list[Path], *, longest: float = 10.0) -> PointsFound | None:
-    """Return the first file that lists points.
-
-    `longest`: m; points that span more than this number of their unit are in mm.
-    """
-    for file in candidates:
-        try:
-            if format_of(file) == "uff":
-                geometry, _ = read_uff_geometry(file)
-                return PointsFound(file=file, unit=None, span=0.0, node=tuple(geometry.node.tolist()))
-            geometry = read_points(file, parse_unit("m"))
-        except MeasurementError:
-            continue
-        span = float(np.ptp(geometry.coordinate, axis=0).max())
-        unit = "mm" if span > longest else "m"
-        return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
-    return None
 
 
 def _name(folder: Path, file: Path) -> str:

@@ -71,7 +71,10 @@ def guess_variables(
         arrays = {name: array.read() for name, array in held.items() if 0 < prod(array.shape) <= LARGEST}
         units = {name: array.unit for name, array in held.items() if array.unit}
     if not arrays:
-        message = f"{path}: holds no arrays of numbers; text and objects are not read"
+        message = (
+            f"{path}: holds no arrays of numbers; text and objects, such as a dict that numpy.save pickled, are not "
+            "read: write arrays, such as numpy.savez(file, frf=..., freq=...)"
+        )
         raise MeasurementError(message)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
         return _guess(path, arrays, units, beside)
