@@ -3,8 +3,7 @@
 Names are imported when they are first used; `__init__.pyi` says from where.
 """
 
-from ema.types.lazy import exports
-from ema.types.shown import drawn_by
+from lamella_shared import drawn_by, exports
 
 __all__, __getattr__, __dir__ = exports(__name__, __file__)
 drawn_by("ema.plot.modal_model")

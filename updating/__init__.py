@@ -1,4 +1,3 @@
-# ruff: noqa: E402  # the check comes before what it checks is imported
 """Measurement and model side by side: pairing, correlation, fitting, diagnosis, reports.
 
 Names are imported when they are first used; `__init__.pyi` says from where.
@@ -6,6 +5,8 @@ Names are imported when they are first used; `__init__.pyi` says from where.
 
 from importlib.util import find_spec
 from pathlib import Path
+
+from lamella_shared import drawn_by, exports
 
 
 def require_own_packages() -> None:
@@ -34,9 +35,6 @@ def require_own_packages() -> None:
 
 
 require_own_packages()
-
-from ema.types.lazy import exports
-from ema.types.shown import drawn_by
 
 __all__, __getattr__, __dir__ = exports(__name__, __file__)
 drawn_by("updating.report.files")

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.units import parse_unit
-from ema.types.arrays import readonly
 from ema.types.errors import MeasurementError
+from lamella_shared import readonly
 
 Position = Annotated[int, Field(ge=1)]
 

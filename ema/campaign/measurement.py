@@ -15,10 +15,10 @@ from ema.campaign.campaign import Campaign, Configuration, Correction, Files
 from ema.campaign.lines import Run, of_common_length, snapped, with_finite_lines
 from ema.campaign.reading import frfs_from_records, frfs_of, records_of
 from ema.io.measured_function import MeasuredFunction
-from ema.types.arrays import readonly
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
 from ema.types.geometry import Dof, Dofs, Geometry
+from lamella_shared import readonly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

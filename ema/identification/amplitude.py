@@ -31,11 +31,11 @@ from ema.campaign.measurement import Measurement, read_force_levels
 from ema.identification.identify import identify_frf
 from ema.modal.comparison import compare
 from ema.quality.channels import check, usable
-from ema.types.arrays import readonly
 from ema.types.errors import EmaError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
 from ema.types.geometry import Dofs, driving_points
 from ema.types.modal_model import ModalModel, synthesize
+from lamella_shared import arrays
 
 Vector = NDArray[np.float64]
 
@@ -67,6 +67,12 @@ class Level:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "level": "force",
+        "level column": "frequency frequency_std damping damping_std motion rms_motion mac mode",
+    }
+)
 class AmplitudeDependence:
     """Modes of one state of a structure over their amplitude, one row a force level, one column a mode.
 
@@ -107,16 +113,6 @@ class AmplitudeDependence:
     rms_motion: Vector
     mode: NDArray[np.int64]
     mac: Vector
-
-    def __post_init__(self) -> None:
-        n = len(self.level)
-        object.__setattr__(self, "force", readonly("AmplitudeDependence", "force", self.force, (n,)))
-        shape = (n, np.shape(self.frequency)[-1])
-        tables = ("frequency", "frequency_std", "damping", "damping_std", "motion", "rms_motion", "mac")
-        for name in tables:
-            array = readonly("AmplitudeDependence", name, getattr(self, name), shape)
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "mode", readonly("AmplitudeDependence", "mode", self.mode, shape, int))
 
     @property
     def softening(self) -> Vector:
@@ -296,6 +292,7 @@ def _level(campaign: Campaign, measurement: Measurement) -> Level:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "frequency damping frequency_std damping_std", "any any n": "response"})
 class Resonances:
     """Modes at the amplitude that they have in resonance.
 
@@ -314,14 +311,6 @@ class Resonances:
     frequency_std: Vector
     damping_std: Vector
     response: Vector
-
-    def __post_init__(self) -> None:
-        n = np.size(self.frequency)
-        for name in ("frequency", "damping", "frequency_std", "damping_std"):
-            object.__setattr__(self, name, readonly("Resonances", name, getattr(self, name), (n,)))
-        object.__setattr__(
-            self, "response", readonly("Resonances", "response", self.response, (None, None, n))
-        )
 
 
 def resonances(frf: FRF, modal_model: ModalModel) -> Resonances:
@@ -440,6 +429,7 @@ _EDGE = 1.5  # fits left out at either end, where the band is still filling
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "amplitude frequency frequency_std damping damping_std"})
 class RingDown:
     """A mode over its amplitude, from a free decay, in the order of time.
 
@@ -458,11 +448,6 @@ class RingDown:
     frequency_std: Vector
     damping: Vector
     damping_std: Vector
-
-    def __post_init__(self) -> None:
-        n = np.size(self.amplitude)
-        for name in ("amplitude", "frequency", "frequency_std", "damping", "damping_std"):
-            object.__setattr__(self, name, readonly("RingDown", name, getattr(self, name), (n,)))
 
 
 def ring_down(

@@ -26,10 +26,10 @@ from ema.identification.run_poles import RUNS_DIFFER, run_poles
 from ema.identification.stabilization import StabilizationDiagram
 from ema.quality.peaks import peaks
 from ema.quality.verdict import Verdict, listing
-from ema.types.arrays import readonly
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.modal_model import ModalModel, frequency_text
 from ema.types.threads import single_threaded
+from lamella_shared import arrays
 
 BROAD = 5.0
 """Times the median of the other damping ratios from which on a mode that shows no peak may be no mode."""
@@ -236,6 +236,7 @@ _NEAR = 3.0  # half bandwidths of a mode within which a column is its own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any": "frequency damping shape"})
 class Stability:
     """What of each pole of a stabilisation chart its neighbour of the order below shares.
 
@@ -248,11 +249,6 @@ class Stability:
     frequency: NDArray[np.bool_]
     damping: NDArray[np.bool_]
     shape: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        for name in ("frequency", "damping", "shape"):
-            checked = readonly("Stability", name, getattr(self, name), (None,), bool)
-            object.__setattr__(self, name, checked)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,11 +22,11 @@ from ema.io.found_modes import FoundModes, ModesStd
 from ema.io.uff import write_uff
 from ema.modal.mac import complexity
 from ema.modal.read_modes import USUAL, completed, modal_model_of
-from ema.types.arrays import frozen
 from ema.types.errors import IdentificationError, MeasurementError
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel, synthesize
+from lamella_shared import frozen
 
 
 def synthesized_frf(modal_model: ModalModel, step: float, quantity: Quantity) -> FRF:

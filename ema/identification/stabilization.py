@@ -35,9 +35,9 @@ from numpy.typing import NDArray
 
 from ema.identification.functions import MAX_DAMPING, PartBand, part_bands
 from ema.modal.mac import cmif
-from ema.types.arrays import readonly
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
+from lamella_shared import arrays
 
 
 def nearby_roots(
@@ -328,6 +328,7 @@ MIN_CHAIN = 6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "order pole cluster", "any": "chosen", "line": "frequency", "any line": "indicator"})
 class StabilizationDiagram:
     """Poles over model orders and the clusters found among them.
 
@@ -353,19 +354,6 @@ class StabilizationDiagram:
     chosen: NDArray[np.complex128]
     frequency: NDArray[np.float64]
     indicator: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        n_pole, n_frequency = np.size(self.pole), np.size(self.frequency)
-        for name, shape, dtype in (
-            ("order", (n_pole,), int),
-            ("pole", (n_pole,), complex),
-            ("cluster", (n_pole,), int),
-            ("chosen", (None,), complex),
-            ("frequency", (n_frequency,), float),
-            ("indicator", (None, n_frequency), float),
-        ):
-            checked = readonly("StabilizationDiagram", name, getattr(self, name), shape, dtype)
-            object.__setattr__(self, name, checked)
 
     @property
     def stable(self) -> NDArray[np.bool_]:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.files import plain_bytes
-from ema.types.arrays import readonly
 from ema.types.errors import MeasurementError
+from lamella_shared import readonly
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
 from ema.types.errors import MeasurementError
 from ema.types.frf import Quantity
+from lamella_shared import readonly
 
 Kind = Literal["frf", "coherence", "response", "force", "other"]
 """What a function is: response and force are time histories, "other" (spectra, ...) is read but not used."""

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from ema.campaign.campaign_file import Reassembly
 from ema.modal.comparison import CLOSE, Modes, clusters, match, shared_dofs, sine
 from ema.modal.mac import comac, mac, modal_scale_factor
-from ema.types.arrays import readonly
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel
+from lamella_shared import arrays
 
 LEVEL = 0.05
 """Probability that a state is called changed that is not."""
@@ -39,6 +39,19 @@ _FEWEST_DOFS = 5  # over which a change of shape is judged
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "n": "mode reference_mode frequency reference_frequency damping reference_damping frequency_shift "
+        "damping_shift frequency_scatter damping_scatter mac angle angle_scatter critical_shift freedom",
+        "n 3": "probability",
+        "any any": "mac_matrix",
+        "any": "matrix_row matrix_column new_frequency gone_frequency",
+        "dof": "node comac",
+        "dof 3": "direction location",
+        "new_frequency": "new_like",
+        "gone_frequency": "gone_like",
+    }
+)
 class Change:
     """What differs between a state and its reference, of every mode that both have, ascending in frequency.
 
@@ -124,25 +137,6 @@ class Change:
     new_like: NDArray[np.int64]
     gone_like: NDArray[np.int64]
     level: float = LEVEL
-
-    def __post_init__(self) -> None:
-        n, n_dof = np.size(self.mode), np.size(self.node)
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "probability": (n, 3), "mac_matrix": (None, None), "direction": (n_dof, 3), "location": (n_dof, 3),
-            "matrix_row": (None,), "matrix_column": (None,), "comac": (n_dof,), "new_frequency": (None,),
-            "gone_frequency": (None,),
-        }  # fmt: skip
-        modal = (
-            "frequency", "reference_frequency", "damping", "reference_damping", "frequency_shift", "damping_shift",
-            "frequency_scatter", "damping_scatter", "mac", "angle", "angle_scatter", "critical_shift", "freedom",
-        )  # fmt: skip
-        shapes |= dict.fromkeys(modal, (n,))
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, readonly("Change", name, getattr(self, name), shape))
-        numbers = {"mode": n, "reference_mode": n, "node": n_dof}
-        numbers |= {"new_like": np.size(self.new_frequency), "gone_like": np.size(self.gone_frequency)}
-        for name, size in numbers.items():
-            object.__setattr__(self, name, readonly("Change", name, getattr(self, name), (size,), np.int64))
 
     @property
     def which(self) -> NDArray[np.bool_]:

@@ -15,14 +15,15 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from ema.modal.mac import mac
-from ema.types.arrays import readonly
 from ema.types.modal_model import ModalModel
+from lamella_shared import arrays
 
 MANY_DOFS = 5
 """Shared DOFs from which shapes alone tell modes apart: random shapes reach a MAC of 0.8 at five of them in 2 %."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"name mode": "frequency frequency_std damping damping_std mac"})
 class Comparison:
     """Every mode of a campaign, one column each, over the configurations, one row each.
 
@@ -45,11 +46,6 @@ class Comparison:
     damping: NDArray[np.float64]
     damping_std: NDArray[np.float64]
     mac: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        shape = (len(self.name), np.shape(self.frequency)[-1])
-        for name in ("frequency", "frequency_std", "damping", "damping_std", "mac"):
-            object.__setattr__(self, name, readonly("Comparison", name, getattr(self, name), shape))
 
 
 def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparison:

@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign import Configuration
 from ema.modal.comparison import Comparison
-from ema.types.arrays import readonly
 from ema.types.modal_model import ModalModel
+from lamella_shared import arrays
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "frequency scatter stated damping_scatter damping_stated"})
 class Repeats:
     """Configurations that state one and the same condition of the structure.
 
@@ -48,11 +49,6 @@ class Repeats:
     stated: NDArray[np.float64]
     damping_scatter: NDArray[np.float64]
     damping_stated: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        shape = (np.size(self.frequency),)
-        for name in ("frequency", "scatter", "stated", "damping_scatter", "damping_stated"):
-            object.__setattr__(self, name, readonly("Repeats", name, getattr(self, name), shape))
 
     @property
     def finding(self) -> str:

@@ -10,7 +10,7 @@ from ema.plot import palette
 from ema.plot.figures import draw_shape, shape_displacement, trace_rows
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel, frequency_text
-from ema.types.shown import figure_of, html_of, html_table
+from lamella_shared import figure_of, html_of, html_table
 
 if TYPE_CHECKING:
     import pyvista

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict, listing
-from ema.types.arrays import readonly
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel, synthesize_runs
+from lamella_shared import readonly
 
 _AT_ONCE = 1024  # that are compared at a time: all functions may be large
 

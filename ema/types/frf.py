@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import frozen, readonly
 from ema.types.geometry import Dofs
+from lamella_shared import arrays, frozen
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 """Response over force: displacement (m/N), velocity (m/(N s)) or acceleration (m/(N s2))."""
@@ -19,6 +19,7 @@ DERIVATIVE: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any": "frequency", "output.node input.node frequency": "value coherence", "output.node": "run"})
 class FRF:
     """A block of frequency-response functions on a common, uniform frequency axis, in SI units.
 
@@ -56,16 +57,9 @@ class FRF:
     reciprocal: bool = False
 
     def __post_init__(self) -> None:
-        frequency = readonly("FRF", "frequency", self.frequency, (None,))
-        shape = (self.output.node.size, self.input.node.size, frequency.size)
-        object.__setattr__(self, "frequency", frequency)
-        object.__setattr__(self, "value", readonly("FRF", "value", self.value, shape, complex))
-        object.__setattr__(self, "run", readonly("FRF", "run", self.run, (shape[0],), np.int64))
-        if len(self.source) != shape[0]:
-            message = f"FRF.source: expected {shape[0]} entries, got {len(self.source)}"
+        if len(self.source) != self.output.node.size:
+            message = f"FRF.source: expected {self.output.node.size} entries, got {len(self.source)}"
             raise ValueError(message)
-        if self.coherence is not None:
-            object.__setattr__(self, "coherence", readonly("FRF", "coherence", self.coherence, shape))
 
     def band(self, lower: float, upper: float) -> FRF:
         """Return the lines with ``lower <= frequency <= upper`` (Hz)."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
+from lamella_shared import arrays, readonly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,6 +66,7 @@ class Dof(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any": "node", "node 3": "direction"})
 class Dofs:
     """Degrees of freedom: a point number and a signed direction each.
 
@@ -79,11 +80,6 @@ class Dofs:
 
     node: NDArray[np.int64]
     direction: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        node = readonly("Dofs", "node", self.node, (None,), np.int64)
-        object.__setattr__(self, "node", node)
-        object.__setattr__(self, "direction", readonly("Dofs", "direction", self.direction, (node.size, 3)))
 
     def name(self, index: int) -> str:
         """Return a DOF as a campaign file writes it, ``12+z``, or its point and direction off the axes."""

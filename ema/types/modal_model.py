@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
 from ema.types.errors import IdentificationError
 from ema.types.frf import DERIVATIVE, Quantity
 from ema.types.geometry import Dofs, Geometry
-from ema.types.shown import Shown
+from lamella_shared import Shown, arrays, readonly
 
 RESOLVED = 0.01
 """Half bandwidths by which a pole of one run may be off for other reasons than noise: the flanks of modes beyond the
@@ -42,6 +41,21 @@ class UnexplainedPeak:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "mode": "frequency damping frequency_std damping_std pole scaled",
+        "node input.node mode": "residue residue_std",
+        "node input.node": "lower upper noise correlation error",
+        "outside": "outside_pole",
+        "node input.node outside": "outside_residue",
+        "node mode": "shape shape_std",
+        "any": "node run",
+        "node 3": "direction",
+        "node": "sensor",
+        "run mode": "run_pole run_frequency_std run_damping_std run_probability",
+        "run outside": "run_outside_pole",
+    }
+)
 class ModalModel(Shown):
     """Poles, residues and shapes of one configuration, ascending in frequency.
 
@@ -172,44 +186,9 @@ class ModalModel(Shown):
     read_from: str = ""
 
     def __post_init__(self) -> None:
-        n_mode, n_dof = np.size(self.frequency), np.size(self.node)
-        n_outside = np.size(self.outside_pole)
-        n_input, n_run = self.input.node.size, np.size(self.run)
-        expected: dict[str, tuple[tuple[int, ...], type]] = {
-            "frequency": ((n_mode,), float),
-            "damping": ((n_mode,), float),
-            "frequency_std": ((n_mode,), float),
-            "damping_std": ((n_mode,), float),
-            "pole": ((n_mode,), complex),
-            "residue": ((n_dof, n_input, n_mode), complex),
-            "lower": ((n_dof, n_input), complex),
-            "upper": ((n_dof, n_input), complex),
-            "outside_pole": ((n_outside,), complex),
-            "outside_residue": ((n_dof, n_input, n_outside), complex),
-            "shape": ((n_dof, n_mode), complex),
-            "shape_std": ((n_dof, n_mode), float),
-            "scaled": ((n_mode,), bool),
-            "node": ((n_dof,), int),
-            "direction": ((n_dof, 3), float),
-            "sensor": ((n_dof,), int),
-            "covariance": ((2 * n_mode, 2 * n_mode), float),
-            "residue_std": ((n_dof, n_input, n_mode), float),
-            "noise": ((n_dof, n_input), float),
-            "correlation": ((n_dof, n_input), float),
-            "error": ((n_dof, n_input), float),
-            "run": ((n_run,), int),
-            "run_pole": ((n_run, n_mode), complex),
-            "run_frequency_std": ((n_run, n_mode), float),
-            "run_damping_std": ((n_run, n_mode), float),
-            "run_probability": ((n_run, n_mode), float),
-        }
-        for name, (shape, dtype) in expected.items():
-            object.__setattr__(self, name, readonly("ModalModel", name, getattr(self, name), shape, dtype))
-        if self.run_outside_pole is not None:
-            checked = readonly(
-                "ModalModel", "run_outside_pole", self.run_outside_pole, (n_run, n_outside), complex
-            )
-            object.__setattr__(self, "run_outside_pole", checked)
+        size = 2 * len(self.frequency)
+        covariance = readonly("ModalModel", "covariance", self.covariance, (size, size))
+        object.__setattr__(self, "covariance", covariance)
 
     @property
     def free_pole(self) -> NDArray[np.complex128]:

@@ -8,8 +8,9 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from lamella_shared import arrays, readonly
 from model.elements.mesh import Plan
-from model.stack.inputs import CompressionCurve, readonly
+from model.stack.inputs import CompressionCurve
 from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
@@ -66,6 +67,7 @@ class InterfaceLaw:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "interface_mean lowest highest lost_contact"})
 class PressureSummary:
     """A pressure field in a few numbers for each interface, the lowest interface first.
 
@@ -90,11 +92,6 @@ class PressureSummary:
     lost_contact: Vector
     force: float
     residual: float
-
-    def __post_init__(self) -> None:
-        n = np.size(self.lowest)
-        for name in ("interface_mean", "lowest", "highest", "lost_contact"):
-            object.__setattr__(self, name, readonly("PressureSummary", name, getattr(self, name), (n,)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lamella_shared import arrays
 from model.contact.contact import contact_fields, jump, mean
 from model.contact.slip_law import SlipLaw
 from model.elements.equations import OMEGA
@@ -27,7 +28,6 @@ from model.modes.modes import full_parameters, reduced_eigenpairs
 from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem
 from model.stack.errors import SolveError
-from model.stack.inputs import readonly
 
 Vector = NDArray[np.float64]
 
@@ -39,6 +39,7 @@ QUADRATURE_ORDER = 4
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"2 n any": "rows", "n": "weight spacing"})
 class ContactStrain:
     """Shear strain of the contact as a function of reduced coordinates.
 
@@ -56,11 +57,6 @@ class ContactStrain:
     rows: Vector
     weight: Vector
     spacing: Vector
-
-    def __post_init__(self) -> None:
-        n = np.size(self.weight)
-        for name, shape in (("rows", (2, n, None)), ("weight", (n,)), ("spacing", (n,))):
-            object.__setattr__(self, name, readonly("ContactStrain", name, getattr(self, name), shape))
 
     def amplitude(self, coordinate: Vector) -> Vector:
         """Return the size of the strain at reduced coordinates (n_basis,), (n_point,)."""
@@ -138,6 +134,7 @@ _MOST_HALVES = 7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "amplitude frequency damping slip", "any n": "coordinate"})
 class Backbone:
     """A mode over its amplitude.
 
@@ -160,12 +157,6 @@ class Backbone:
     damping: Vector
     slip: Vector
     coordinate: Vector
-
-    def __post_init__(self) -> None:
-        n = np.size(self.amplitude)
-        for name in ("amplitude", "frequency", "damping", "slip"):
-            object.__setattr__(self, name, readonly("Backbone", name, getattr(self, name), (n,)))
-        object.__setattr__(self, "coordinate", readonly("Backbone", "coordinate", self.coordinate, (None, n)))
 
 
 def backbone(

@@ -20,6 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from lamella_shared import arrays, readonly
 from model.elements.equations import OMEGA
 from model.elements.mesh import FIELDS
 from model.modes.elastic_modes import Derivatives, ElasticModes, elastic_modes
@@ -27,11 +28,11 @@ from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem
 from model.reduction.through_thickness import shear_shift
 from model.stack.errors import SolveError
-from model.stack.inputs import readonly
 from model.stack.stack import Stack
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "node", "n 3": "location direction"})
 class Observation:
     """Degrees of freedom at given places.
 
@@ -56,10 +57,6 @@ class Observation:
     direction: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        n = np.size(self.node)
-        object.__setattr__(self, "node", readonly("Observation", "node", self.node, (n,), int))
-        for name in ("location", "direction"):
-            object.__setattr__(self, name, readonly("Observation", name, getattr(self, name), (n, 3)))
         length = np.linalg.norm(self.direction, axis=1)
         if np.any(np.abs(length - 1.0) > 1e-6):
             worst = int(np.argmax(np.abs(length - 1.0)))
@@ -164,6 +161,17 @@ Wanted = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.intp]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "mode": "frequency damping pole_frequency",
+        "node mode": "shape",
+        "any": "node",
+        "node 3": "direction",
+        "mode parameter": "frequency_gradient damping_gradient",
+        "node mode parameter": "shape_gradient",
+        "any mode": "coordinate",
+    }
+)
 class Modes:
     """Modes of a stack, ascending in frequency, the rigid-body modes first.
 
@@ -210,23 +218,6 @@ class Modes:
     shape_gradient: NDArray[np.float64]
     coordinate: NDArray[np.float64]
     outside: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        n_mode, n_dof, n_parameter = np.size(self.frequency), np.size(self.node), len(self.parameter)
-        expected: dict[str, tuple[int | None, ...]] = {
-            "frequency": (n_mode,),
-            "damping": (n_mode,),
-            "pole_frequency": (n_mode,),
-            "shape": (n_dof, n_mode),
-            "direction": (n_dof, 3),
-            "frequency_gradient": (n_mode, n_parameter),
-            "damping_gradient": (n_mode, n_parameter),
-            "shape_gradient": (n_dof, n_mode, n_parameter),
-            "coordinate": (None, n_mode),
-        }
-        for name, shape in expected.items():
-            object.__setattr__(self, name, readonly("Modes", name, getattr(self, name), shape))
-        object.__setattr__(self, "node", readonly("Modes", "node", self.node, (n_dof,), int))
 
     def elastic(self) -> Modes:
         """Return the modes without the rigid-body ones."""
@@ -425,6 +416,7 @@ def complex_modes(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any any 3": "location displacement", "any any": "element", "any 2": "edge"})
 class Surface:
     """A mode's displacement at the corners of the mesh of some laminas.
 
@@ -444,14 +436,6 @@ class Surface:
     displacement: NDArray[np.float64]
     element: NDArray[np.int64]
     edge: NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        for name in ("location", "displacement"):
-            array = readonly("Surface", name, getattr(self, name), (None, None, 3))
-            object.__setattr__(self, name, array)
-        for name, width in (("element", None), ("edge", 2)):
-            array = readonly("Surface", name, getattr(self, name), (None, width), int)
-            object.__setattr__(self, name, array)
 
 
 def mode_surface(system: ReducedSystem, modes: Modes, mode: int, *, lamina: Sequence[int]) -> Surface:

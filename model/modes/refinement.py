@@ -22,6 +22,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
+from lamella_shared import arrays
 from model.elements.equations import Assembly, Kron
 from model.elements.mesh import FIELDS, Field
 from model.modes.modes import (
@@ -36,7 +37,6 @@ from model.reduction.reduction import ReducedSystem, reduce, shifted_factor
 from model.reduction.through_thickness import SPARE, shear_shift
 from model.solvers.eigen import lowest_modes, orthonormalize
 from model.solvers.low_rank import Factor
-from model.stack.inputs import readonly
 from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
@@ -55,6 +55,7 @@ _SAFETY = 2.0  # the next drops together are taken as no more than this times th
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "frequency error reduction_error"})
 class Refined:
     """Frequencies of the full equations, with all laminas and no reduction.
 
@@ -81,11 +82,6 @@ class Refined:
     outside: tuple[str, ...]
     n_step: int
     converged: bool
-
-    def __post_init__(self) -> None:
-        n = np.size(self.frequency)
-        for name in ("frequency", "error", "reduction_error"):
-            object.__setattr__(self, name, readonly("Refined", name, getattr(self, name), (n,)))
 
 
 def refine(
@@ -400,6 +396,7 @@ _SPARE = 2  # modes beyond those asked for, so that none is missing among close 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any": "error"})
 class Verification:
     """How far the frequencies of a reduced stack are from those of all its laminas.
 
@@ -421,9 +418,6 @@ class Verification:
     tolerance: float
     basis: Basis
     first_error: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "error", readonly("Verification", "error", self.error, (None,)))
 
     @property
     def within_tolerance(self) -> bool:

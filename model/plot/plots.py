@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lamella_shared import figure_of, html_of, html_table
 from model.contact.pressure import PressureField
 from model.modes.modes import Modes, Surface, mode_surface
 from model.reduction.reduction import ReducedSystem
 from model.stack.outline import Triangulation
 from model.stack.parts import PatchSupport
-from model.stack.shown import figure_of, html_of, html_table
 from model.stack.stack import Stack
 
 if TYPE_CHECKING:

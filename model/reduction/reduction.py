@@ -19,6 +19,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from lamella_shared import readonly
 from model.contact.contact import contact_terms
 from model.contact.pressing import pressure_distribution
 from model.elements.equations import OMEGA, Assembly, Term
@@ -47,7 +48,6 @@ from model.solvers.low_rank import Factor
 from model.solvers.stack_solver import Solver, solver_over_plan
 from model.stack.effect import OMEGA_REFERENCE, Effect
 from model.stack.errors import SolveError
-from model.stack.inputs import readonly
 from model.stack.stack import Stack
 
 

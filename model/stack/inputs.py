@@ -1,6 +1,6 @@
-"""What a stack is described by, checked: arrays, and the measured curve of its compression.
+"""The measured curve of a stack's compression.
 
-The curve is the relation of a stack's compression along z to the pressure on it, p(strain). Uneven sheets close under
+It is the relation of a stack's compression along z to the pressure on it, p(strain). Uneven sheets close under
 load, so it is steep only once they have: most of the deformation comes at low pressure. Contact does not pull: at
 negative strain the pressure is 0.
 """
@@ -10,55 +10,14 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
+from lamella_shared import arrays
 from model.stack.errors import StackError
 from model.stack.files import plain_text
-
-
-def readonly(
-    owner: str, name: str, value: object, shape: tuple[int | None, ...], dtype: DTypeLike = float
-) -> NDArray[Any]:
-    """Return `value` as a read-only array of `dtype` after checking its shape.
-
-    Parameters
-    ----------
-    owner, name : str
-        The data type and field that the array is for, named in the message of a failed check.
-    value : array_like
-        What was given; an array that can still be written is copied, so that it stays the caller's.
-    shape : tuple of int or None
-        Expected length of each axis; `None` accepts any length.
-    dtype : dtype, default float
-        Type to convert to.
-
-    Raises
-    ------
-    ValueError
-        The shape differs from the expected one; the message names both.
-    """
-    array = np.array(value, dtype=dtype, copy=None if _frozen(value) else True)
-    fits = array.ndim == len(shape) and all(
-        e is None or e == n for e, n in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
-        expected = "(" + ", ".join("any" if e is None else str(e) for e in shape) + ")"
-        message = f"{owner}.{name}: expected shape {expected}, got {array.shape}"
-        raise ValueError(message)
-    array.flags.writeable = False
-    return array
-
-
-def _frozen(value: object) -> bool:
-    """Tell whether nobody writes an array: neither it nor what it is a view of can be written."""
-    if not isinstance(value, np.ndarray) or value.flags.writeable:
-        return False
-    return value.base is None or _frozen(value.base)
-
 
 _COLUMNS = ("strain", "pressure_kPa")
 
@@ -68,6 +27,7 @@ _LEAST_RISE = 1e-12  # from point to point, of the largest value: less is roundi
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "strain pressure"})
 class CompressionCurve:
     """Pressure over compressive strain, interpolated by monotone cubics (Fritsch and Carlson 1980).
 
@@ -91,9 +51,7 @@ class CompressionCurve:
     pressure: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        n = np.size(self.strain)
-        for name in ("strain", "pressure"):
-            object.__setattr__(self, name, readonly("CompressionCurve", name, getattr(self, name), (n,)))
+        n = self.strain.size
         if n < 3:
             message = f"compression curve: {n} points; at least 3 are needed"
             raise StackError(message)

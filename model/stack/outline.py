@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from lamella_shared import readonly
 from model.stack.errors import StackError
-from model.stack.inputs import readonly
 
 Points = NDArray[np.float64]
 _PICKLES = (".pkl", ".pickle")

@@ -9,8 +9,9 @@ from typing import Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from lamella_shared import arrays
 from model.stack.errors import StackError
-from model.stack.inputs import CompressionCurve, readonly
+from model.stack.inputs import CompressionCurve
 
 Distribution = Literal["height", "faces"]
 
@@ -266,6 +267,7 @@ class PatchSupport:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any 3": "sensor"})
 class Instruments:
     """Where the test's instruments touch the stack; what effects of their mass and stiffness need.
 
@@ -279,9 +281,6 @@ class Instruments:
 
     shaker: tuple[float, float, float]
     sensor: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "sensor", readonly("Instruments", "sensor", self.sensor, (None, 3)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lamella_shared import Shown
 from model.stack.effect import Effect, shared_parameters
 from model.stack.errors import EffectError, StackError
 from model.stack.outline import Outline, Triangulation
@@ -31,7 +32,6 @@ from model.stack.parts import (
     PressureDistribution,
     require_positive,
 )
-from model.stack.shown import Shown
 
 _THINNEST = 1e-6  # m; a lamina that is thinner is a slip, and as many of them would fill the memory
 

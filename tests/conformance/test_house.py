@@ -119,6 +119,10 @@ def test_packages_import_in_one_direction(package):
         assert not FORBIDDEN[package] & imported(parse(path)), path
 
 
+def test_what_all_share_knows_none_of_them():
+    assert not set(FORBIDDEN) & imported(parse(ROOT / "lamella_shared.py"))
+
+
 @pytest.mark.parametrize("package", FOLDERS)
 def test_every_folder_has_its_place(package):
     assert {path.parent.name for path in (ROOT / package).glob("*/__init__.py")} == set(FOLDERS[package])

@@ -9,7 +9,7 @@ import pytest
 import ema
 import model
 import updating
-from ema.types.shown import figure_of, html_of, html_table
+from lamella_shared import figure_of, html_of, html_table
 from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.report.files import diagnosis_figure, diagnosis_html, fit_figure, fit_html
 

@@ -4,6 +4,6 @@ What the commands do is imported when one of them runs, and the report when ther
 from where.
 """
 
-from ema.types.lazy import exports
+from lamella_shared import exports
 
 __all__, __getattr__, __dir__ = exports(__name__, __file__)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import frac
-from ema.types.arrays import readonly
+from lamella_shared import arrays
 from updating.correlation.criteria import rotate_onto
 from updating.correlation.pairing import ModeSet, Pairing
 from updating.errors import PairingError, UpdatingError
@@ -32,6 +32,12 @@ class MeasuredModes(ModeSet, Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "n": "measured_frequency model_frequency frequency_error frequency_error_std "
+        "measured_damping model_damping damping_error damping_error_std mac noise_mac"
+    }
+)
 class Correlation:
     """Paired modes side by side, one entry a pair.
 
@@ -68,11 +74,6 @@ class Correlation:
     mac: NDArray[np.float64]
     noise_mac: NDArray[np.float64]
 
-    def __post_init__(self) -> None:
-        n_pair = np.size(self.mac)
-        for name in self.__dataclass_fields__:
-            object.__setattr__(self, name, readonly("Correlation", name, getattr(self, name), (n_pair,)))
-
 
 def correlate(measured: MeasuredModes, model: ModeSet, pairing: Pairing) -> Correlation:
     """Put the paired modes side by side.
@@ -105,6 +106,14 @@ def correlate(measured: MeasuredModes, model: ModeSet, pairing: Pairing) -> Corr
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "dof": "node comac s_comac e_comac",
+        "dof 3": "direction",
+        "pair": "scale",
+        "dof pair": "difference difference_std",
+    }
+)
 class PointCorrelation:
     """Shapes of paired modes compared at each DOF.
 
@@ -140,22 +149,6 @@ class PointCorrelation:
     scale: NDArray[np.complex128]
     difference: NDArray[np.complex128]
     difference_std: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        n_dof, n_pair = np.shape(self.difference)
-        expected: dict[str, tuple[tuple[int, ...], type]] = {
-            "node": ((n_dof,), int),
-            "direction": ((n_dof, 3), float),
-            "comac": ((n_dof,), float),
-            "s_comac": ((n_dof,), float),
-            "e_comac": ((n_dof,), float),
-            "scale": ((n_pair,), complex),
-            "difference": ((n_dof, n_pair), complex),
-            "difference_std": ((n_dof, n_pair), float),
-        }
-        for name, (shape, dtype) in expected.items():
-            array = readonly("PointCorrelation", name, getattr(self, name), shape, dtype)
-            object.__setattr__(self, name, array)
 
     @property
     def error(self) -> NDArray[np.float64]:
@@ -222,6 +215,7 @@ def _comac(a: NDArray[np.inexact], b: NDArray[np.inexact]) -> NDArray[np.float64
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "frequency csac csf", "any any": "frac"})
 class FrfCorrelation:
     """How measured and modelled functions agree.
 
@@ -242,11 +236,6 @@ class FrfCorrelation:
     frac: NDArray[np.float64]
     csac: NDArray[np.float64]
     csf: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        n = np.size(self.frequency)
-        for name, shape in (("frequency", (n,)), ("frac", (None, None)), ("csac", (n,)), ("csf", (n,))):
-            object.__setattr__(self, name, readonly("FrfCorrelation", name, getattr(self, name), shape))
 
 
 def correlate_frf(measured: ArrayLike, model: ArrayLike, frequency: ArrayLike) -> FrfCorrelation:

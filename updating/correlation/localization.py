@@ -11,8 +11,8 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from ema.modal.mac import real_shape
-from ema.types.arrays import readonly
 from ema.types.modal_model import ModalModel
+from lamella_shared import readonly
 from model import Modes, Observation, ReducedSystem, Stack
 from model.contact.pressing import pressure_distribution
 from model.elements.mesh import FIELDS, Derivative, Field

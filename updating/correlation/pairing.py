@@ -16,8 +16,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import mac
-from ema.types.arrays import readonly
 from ema.types.modal_model import ModalModel
+from lamella_shared import arrays
 from model import Modes
 from updating.correlation.criteria import (
     CLOSE,
@@ -66,6 +66,9 @@ class ModeSet(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {"any any": "mac", "n": "measured model subspace subspace_mac", "any": "unpaired_measured unpaired_model"}
+)
 class Pairing:
     """Which measured mode belongs to which mode of the model.
 
@@ -94,16 +97,6 @@ class Pairing:
     threshold: float
     subspace: NDArray[np.int64]
     subspace_mac: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "mac", readonly("Pairing", "mac", self.mac, (None, None)))
-        measured = readonly("Pairing", "measured", self.measured, (None,), np.int64)
-        object.__setattr__(self, "measured", measured)
-        for name, dtype in (("model", np.int64), ("subspace", np.int64), ("subspace_mac", np.float64)):
-            array = readonly("Pairing", name, getattr(self, name), (measured.size,), dtype)
-            object.__setattr__(self, name, array)
-        for name in ("unpaired_measured", "unpaired_model"):
-            object.__setattr__(self, name, readonly("Pairing", name, getattr(self, name), (None,), np.int64))
 
     @property
     def paired_mac(self) -> NDArray[np.float64]:
@@ -330,6 +323,7 @@ def _require_same_dofs(measured: ModeSet, model: ModeSet) -> None:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"row mode": "column frequency cross_orthogonality"})
 class Track:
     """Modes followed over the steps of a parameter.
 
@@ -347,12 +341,6 @@ class Track:
     column: NDArray[np.int64]
     frequency: NDArray[np.float64]
     cross_orthogonality: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        shape = np.shape(self.column)
-        object.__setattr__(self, "column", readonly("Track", "column", self.column, (None, None), np.int64))
-        for name in ("frequency", "cross_orthogonality"):
-            object.__setattr__(self, name, readonly("Track", name, getattr(self, name), shape))
 
 
 def track(steps: Sequence[Modes], mass: ArrayLike, *, n_mode: int, close: float = CLOSE) -> Track:

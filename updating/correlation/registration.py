@@ -9,13 +9,14 @@ import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import real_shape
-from ema.types.arrays import readonly
 from ema.types.geometry import Geometry
+from lamella_shared import arrays
 from model import Modes, Observation, Stack, sample_points
 from updating.errors import PairingError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"observation.node": "distance"})
 class Registration:
     """Measured DOFs on the model.
 
@@ -29,10 +30,6 @@ class Registration:
 
     observation: Observation
     distance: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        distance = readonly("Registration", "distance", self.distance, (self.observation.node.size,))
-        object.__setattr__(self, "distance", distance)
 
 
 def register(
@@ -100,6 +97,7 @@ _SINGULAR = 1e6  # condition number from which rounding and the model's own erro
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"model measured": "amplitude amplitude_std", "any measured": "coordinate", "measured": "matched"})
 class Expansion:
     """Measured shapes in the modes of the model.
 
@@ -124,17 +122,6 @@ class Expansion:
     coordinate: NDArray[np.complex128]
     matched: NDArray[np.float64]
     condition: float
-
-    def __post_init__(self) -> None:
-        n_model, n_measured = np.shape(self.amplitude)
-        expected: dict[str, tuple[tuple[int | None, ...], type]] = {
-            "amplitude": ((n_model, n_measured), complex),
-            "amplitude_std": ((n_model, n_measured), float),
-            "coordinate": ((None, n_measured), complex),
-            "matched": ((n_measured,), float),
-        }
-        for name, (shape, dtype) in expected.items():
-            object.__setattr__(self, name, readonly("Expansion", name, getattr(self, name), shape, dtype))
 
 
 def expand(shape: ArrayLike, shape_std: ArrayLike, modes: Modes) -> Expansion:

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ema.types.shown import Shown
+from lamella_shared import Shown
 from model import Effect, Stack
 from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.answer_parts import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
+from lamella_shared import readonly
 from updating.diagnosis.answer_parts import Moved, Sizes
 from updating.errors import FitError
 from updating.fitting.fit import frequency_error

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
+from lamella_shared import readonly
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.criteria import class_grid, cross_orthogonality, shape_classes
 from updating.correlation.pairing import track

@@ -10,10 +10,9 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import mac
-from ema.types.arrays import readonly
 from ema.types.modal_model import ModalModel
-from ema.types.shown import Shown
 from ema.types.threads import single_threaded
+from lamella_shared import Shown, arrays
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.pairing import N_MODE, Pairing, pair, require_points
 from updating.correlation.registration import register, visible
@@ -100,6 +99,7 @@ _N_SNAPSHOT_MODE = 18  # of each snapshot; over the range of G_f they span more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any 2": "history"})
 class Estimate:
     """One fitted parameter.
 
@@ -131,11 +131,9 @@ class Estimate:
     objective: float
     history: NDArray[np.float64]
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "history", readonly("Estimate", "history", self.history, (None, 2)))
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any": "distance"})
 class ModelFit(Shown):
     """A model fitted to one configuration.
 
@@ -168,9 +166,6 @@ class ModelFit(Shown):
     def box(self) -> list[float] | None:
         """Length, width and height of the body that shapes are drawn in, m; None where the model is no stack."""
         return None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "distance", readonly("Fit", "distance", self.distance, (None,)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ema.io.files import Section, read_form, read_toml
-from ema.types.arrays import readonly
+from lamella_shared import arrays
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.criteria import class_grid, solve_by_class
 from updating.errors import FitError
@@ -28,6 +28,7 @@ from updating.fitting.fit import (
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "frequency published_frequency"})
 class TableRow:
     """One configuration of a modal table.
 
@@ -50,11 +51,6 @@ class TableRow:
     frequency: NDArray[np.float64]
     published_frequency: NDArray[np.float64]
     published_G_f: float
-
-    def __post_init__(self) -> None:
-        n_mode = np.size(self.frequency)
-        for name in ("frequency", "published_frequency"):
-            object.__setattr__(self, name, readonly("TableRow", name, getattr(self, name), (n_mode,)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,6 +76,7 @@ class ModalTable:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"row.frequency": "frequency frequency_to_published"})
 class TableFit:
     """One row of a modal table fitted.
 
@@ -111,11 +108,6 @@ class TableFit:
     G_f_to_published: Estimate
     frequency_to_published: NDArray[np.float64]
     model_misfit: float
-
-    def __post_init__(self) -> None:
-        shape = self.row.frequency.shape
-        for name in ("frequency", "frequency_to_published"):
-            object.__setattr__(self, name, readonly("TableFit", name, getattr(self, name), shape))
 
 
 def is_modal_table(path: Path) -> bool:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.plot import palette
-from ema.types.arrays import readonly
 from ema.types.frf import Quantity
 from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel
+from lamella_shared import arrays
 from model import frf, reduce, solve_modes
 from updating.correlation.criteria import rotate_onto
 from updating.correlation.registration import register
@@ -89,6 +89,7 @@ AZIMUTH, ELEVATION = -0.5, 0.42
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n 3": "coordinate measured model", "n": "node", "any 2": "line"})
 class ShapePair:
     """A measured mode and its partner of the model as displacements of the measured points.
 
@@ -118,14 +119,6 @@ class ShapePair:
     line: NDArray[np.int64]
     measured: NDArray[np.complex128]
     model: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        n = len(self.coordinate)
-        for name, dtype in (("coordinate", float), ("measured", complex), ("model", float)):
-            array = readonly("ShapePair", name, getattr(self, name), (n, 3), dtype)
-            object.__setattr__(self, name, array)
-        object.__setattr__(self, "node", readonly("ShapePair", "node", self.node, (n,), np.int64))
-        object.__setattr__(self, "line", readonly("ShapePair", "line", self.line, (None, 2), np.int64))
 
     @property
     def has_model(self) -> bool:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ema import Campaign, Configuration
 from ema.modal.mac import mac, real_shape
-from ema.types.arrays import readonly
 from ema.types.modal_model import ModalModel
 from ema.types.threads import single_threaded
+from lamella_shared import arrays, readonly
 from model import Modes, Observation, ReducedSystem, Stack, reduce, solve_modes
 from model.modes.modes import Observed, observe
 from updating.correlation.criteria import class_grid, shape_classes
@@ -209,6 +209,7 @@ def target_of_table(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"target.frequency": "used"})
 class Prepared:
     """A target with its reduced model; `prepare` makes it once for many fits.
 
@@ -228,10 +229,6 @@ class Prepared:
     system: ReducedSystem
     observed: Observed
     used: NDArray[np.bool_]
-
-    def __post_init__(self) -> None:
-        shape = self.target.frequency.shape
-        object.__setattr__(self, "used", readonly("Prepared", "used", self.used, shape, bool))
 
 
 @single_threaded

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
+from lamella_shared import arrays
 from model import Stack, find_effects, read_stack
 from model.stack.parts import Mesh
 from updating.errors import FitError
@@ -32,6 +32,7 @@ _RANGE = (-1.0, 2.0)  # of the exponent: stiffness that falls with pressure must
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"stack": "own", "stack any": "measured linear power refitted"})
 class PressureLaw:
     """The exponent n of G ~ p^n, one for all stacks, and what it does to predicting one torque from another.
 
@@ -65,12 +66,6 @@ class PressureLaw:
     linear: NDArray[np.float64]
     power: NDArray[np.float64]
     refitted: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        n = len(self.stack)
-        object.__setattr__(self, "own", readonly("PressureLaw", "own", self.own, (n,)))
-        for name in ("measured", "linear", "power", "refitted"):
-            object.__setattr__(self, name, readonly("PressureLaw", name, getattr(self, name), (n, None)))
 
     def error(self, law: str) -> float:
         """Return the mean relative error, eq. (2), at the lower torque by "linear", "power" or "refitted"."""
@@ -174,6 +169,7 @@ _D_F = 1e-10  # at which the damping's slope is taken; damping ratios are propor
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any": "measured published frequency"})
 class Row:
     """One stack of Table 7 with the base model.
 
@@ -200,10 +196,6 @@ class Row:
     error: float
     published_error: float
     model_misfit: float
-
-    def __post_init__(self) -> None:
-        for name in ("measured", "published", "frequency"):
-            object.__setattr__(self, name, readonly("Row", name, getattr(self, name), (None,)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ema.plot.figures import as_png
-from ema.types.shown import figure_of, html_of, html_table
+from lamella_shared import figure_of, html_of, html_table
 from updating.correlation.plots import within_band
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import StoreError

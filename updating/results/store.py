@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from ema.io.files import whole
-from ema.types.arrays import frozen
 from ema.types.frf import FRF
 from ema.types.geometry import Dof, Dofs
+from lamella_shared import frozen
 from model import Effect, catalogue, find_effects
 from updating.errors import StoreError
 
@@ -278,7 +278,8 @@ def _code_digest() -> str:
     """First digits of the digest of the program's own files, which may change without their version."""
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
-    for file in sorted(f for package in ("ema", "model", "updating") for f in (root / package).rglob("*.py")):
+    files = sorted(f for package in ("ema", "model", "updating") for f in (root / package).rglob("*.py"))
+    for file in (root / "lamella_shared.py", *files):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:12]
 

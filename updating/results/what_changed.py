@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.arrays import readonly
+from lamella_shared import arrays
 
 Verdict = Literal[
     "unchanged", "too little to say", "identified", "one of", "partly explained", "unlike anything"
@@ -71,6 +71,7 @@ class KindOfChange:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"n": "frequency shift explained_shift", "any": "x y", "x y": "map", "2 2": "box"})
 class WhatChanged:
     """What changed between a state and its reference, and where.
 
@@ -131,15 +132,6 @@ class WhatChanged:
     map: NDArray[np.float64]
     box: NDArray[np.float64]
     sentences: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        n = np.size(self.frequency)
-        shapes: dict[str, tuple[int | None, ...]] = {
-            "frequency": (n,), "shift": (n,), "explained_shift": (n,), "x": (None,), "y": (None,),
-            "map": (np.size(self.x), np.size(self.y)), "box": (2, 2),
-        }  # fmt: skip
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, readonly("WhatChanged", name, getattr(self, name), shape))
 
     def kind(self, name: str) -> KindOfChange:
         """Return a kind by its key."""
