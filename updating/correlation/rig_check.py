@@ -130,7 +130,7 @@ def _misread(sensor: int, reads: float) -> str:
     what += [f"{factor_text(abs(reads))} as large as it should be"] if sized else []
     scale = (-1.0 if turned else 1.0) / (abs(reads) if sized else 1.0)
     return (
-        f"sensor {sensor} of each run seems to be {' and '.join(what)} in all of them: put right, its shapes are "
+        f"sensor {sensor} of each run seems to be {' and '.join(what)} in all of them: corrected, its shapes are "
         f"those of the model at their frequencies. Correct it with a [[correction]] of scale = {scale:.3g} on it"
     )
 
