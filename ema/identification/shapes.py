@@ -166,7 +166,7 @@ class RankOneModes:
     angle_std : float
         Standard deviation, rad, of the rotation of the shapes in their subspace.
     left : float
-        Power of what the modes leave of the functions over their noise.
+        Power of what the modes leave of the functions.
     """
 
     pole: NDArray[np.complex128]
@@ -382,7 +382,7 @@ def _refined(
         residue=residue,
         residue_std=noise * np.sqrt(0.5 * grown) / (line * 2.0 * np.mean(pole.imag)),
         angle_std=float(min(std[2 * n :].max(initial=0.0), unknown_angle)),
-        left=float(np.sum(np.abs(rest) ** 2)) / grown,
+        left=float(np.sum(np.abs(rest) ** 2)),
     )
 
 
