@@ -73,6 +73,7 @@ def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder, undra
     assert "heavier, what and where: a mass that was added" in said
     assert "same against before and again: no change is seen" in said
     assert "same, what and where: nothing to place" in said
+    assert said.index("heavier against") < said.index("same against")  # what changed comes first
     found = read_result(folder / "out/heavier/what_changed.json", WhatChanged)
     own = found.kind("added_mass")
     assert found.left[0] == "added_mass"
@@ -84,6 +85,7 @@ def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder, undra
     page = (folder / "out/report.html").read_text()
     assert "What changed in heavier, and where" in page
     assert "probability of each cell of the plan" in page
+    assert page.index("heavier, what and where") < page.index("same against before")
 
 
 def test_without_a_stack_file_it_says_whether_it_changed_and_what_to_add(folder):

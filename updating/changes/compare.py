@@ -11,7 +11,7 @@ within them by their shares.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 import scipy
@@ -43,8 +43,8 @@ SURE = 0.8
 """Probability of a direction from which it is said."""
 WITHIN = 12.0
 """Logarithm of the evidence that a kind may lack of the best and may yet gain by the structure's answer to it."""
-MOST_REFINED = 2
-"""Candidates of each kind that are weighed with that answer."""
+MOST_REFINED = 4
+"""Forms of each kind that are weighed with that answer."""
 _COUNTS = 1e-9
 """Share of the largest probability from which a candidate, or a value, counts in an interval: a million of others have
 a thousandth together."""
@@ -121,7 +121,7 @@ class _Tried:
     weighed: tuple[Weighed, ...]
     log: Vector  # (n_size, n_candidate), over no change, sizes integrated out, with the candidates' prior
     none: Vector  # (n_size,), of no change, over all sizes
-    refined: tuple[Refined, ...] = ()
+    refined: Mapping[int, Refined] = field(default_factory=dict)  # by form
 
     @property
     def kind(self) -> Kind:
@@ -135,15 +135,18 @@ class _Tried:
 
     @property
     def evidence(self) -> float:
-        """Logarithm of the likelihood of the kind over that of no change, in the mean over its candidates.
+        """Logarithm of the likelihood of the kind over that of no change, in the mean over its candidates."""
+        return float(scipy.special.logsumexp(self.log))
 
-        Those that were refined stand for all: what they gain by the structure's answer is the kind's.
-        """
-        if not self.refined:
-            return float(scipy.special.logsumexp(self.log))
-        before = scipy.special.logsumexp(self.log[:, [own.index for own in self.refined]])
-        after = scipy.special.logsumexp([self.mass(own) for own in self.refined])
-        return float(scipy.special.logsumexp(self.log) + after - before)
+    @property
+    def best(self) -> int:
+        """The likeliest candidate."""
+        return int(np.argmax(self.log.max(axis=0)))
+
+    @property
+    def best_refined(self) -> Refined | None:
+        """What is known of its form with the structure's answer, where that was weighed."""
+        return self.refined.get(int(self.candidates.form[self.best]))
 
     def mass(self, own: Refined) -> Vector:
         """Return the logarithm of the posterior mass of a refined candidate, (n_size,), as `log` counts it."""
@@ -256,23 +259,34 @@ def _refined(
 ) -> list[_Tried]:
     """Weigh the likeliest candidates of the likeliest kinds once more, with the structure's answer to them."""
     evidence = np.array([own.evidence for own in found])
-    structure, made = Condensed(at), list[_Tried]()
-    for own, log in zip(found, evidence, strict=True):
-        if own.kind.exact is None or log < max(evidence.max() - WITHIN, 0.0):
-            made.append(own)
-            continue
-        each = scipy.special.logsumexp(own.log, axis=0)
-        best = [int(i) for i in np.argsort(-each)[:MOST_REFINED] if each[i] > each.max() - SEPARATE]
-        made.append(
-            replace(
-                own,
-                refined=tuple(
-                    refine(structure, own.kind, own.candidates, i, float(own.batch.effect[i]), problems)
-                    for i in best
-                ),
-            )
-        )
-    return made
+    structure = Condensed(at)
+    return [
+        own
+        if own.kind.exact is None or log < max(evidence.max() - WITHIN, 0.0)
+        else _with_answers(structure, own, problems)
+        for own, log in zip(found, evidence, strict=True)
+    ]
+
+
+def _with_answers(structure: Condensed, own: _Tried, problems: Sequence[tuple[Vector, Vector]]) -> _Tried:
+    """Weigh the likeliest candidate of each of the likeliest forms with the structure's answer.
+
+    A size trades against an amplitude, which to first order may be more than is possible. So forms are taken one after
+    the other, the likeliest by then first, and what the likeliest candidate of a form gains is gained by all of it.
+    """
+    form, log, refined = own.candidates.form, own.log.copy(), dict[int, Refined]()
+    every = np.unique(form)
+    for _ in range(min(MOST_REFINED, every.size)):
+        each = scipy.special.logsumexp(log, axis=0)
+        mass = np.array([scipy.special.logsumexp(each[form == f]) for f in every])
+        left = np.where(np.isin(every, list(refined)), -np.inf, mass)
+        f = int(every[np.argmax(left)])
+        if left.max() < scipy.special.logsumexp(mass) + np.log(LEAST_SHARE):
+            break
+        i = int(np.argmax(np.where(form == f, each, -np.inf)))
+        refined[f] = refine(structure, own.kind, own.candidates, i, float(own.batch.effect[i]), problems)
+        log[:, form == f] += (own.mass(refined[f]) - log[:, i])[:, None]
+    return replace(own, log=log, refined=refined)
 
 
 def _scatter(at: Situation, stated: float) -> float:
@@ -363,11 +377,10 @@ def _verdict(ordered: Sequence[KindOfChange], total: float, *, seen: bool) -> tu
 
 def _made(at: Situation, own: _Tried) -> Vector:
     """Return the shifts of the logarithms of frequencies that the likeliest candidate makes."""
-    if own.refined:
-        change = max(own.refined, key=lambda r: float(own.mass(r).max())).change.reshape(at.ours.scale.shape)
-    else:
-        g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
-        change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
+    if own.best_refined is not None:
+        return own.best_refined.shift
+    g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
+    change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
     work = (
         np.einsum("nm,nm,nm->n", change, at.ours.scale, at.ours.weight) / at.ours.eigenvalue
     )  # Rayleigh's quotient
@@ -380,11 +393,8 @@ def _explained(own: _Tried, misfit: Vector, n: int) -> float:
     `misfit` holds that of `n` errors without a change at each size of the scatter; the stated size is in the middle of
     the prior, and there it is looked at.
     """
-    i = int(np.argmax(own.log.max(axis=0)))
-    g = int(np.argmin(np.abs(np.log(_SIZES))))
-    fall = float(own.weighed[g].fall[i])
-    if own.refined:
-        fall = float(max(own.refined, key=lambda r: float(own.mass(r).max())).fall[g])
+    g, refined = int(np.argmin(np.abs(np.log(_SIZES)))), own.best_refined
+    fall = float(own.weighed[g].fall[own.best] if refined is None else refined.fall[g])
     beyond = max(float(misfit[g]) - n, 1e-9)
     left = max(float(misfit[g]) - fall - n, 0.0)
     return 1.0 - left / beyond
@@ -435,14 +445,13 @@ def _size(own: _Tried) -> list[float]:
     if own.refined and own.kind.exact is not None:
         values, logs = [], []
         factor = np.exp(0.5 * IDEAL * _NODES)[:, None]
-        for one in own.refined:
+        for form, one in own.refined.items():
             of = candidates.only(np.array([one.index]))
             trial = np.minimum(factor * one.amplitude, own.kind.whole)
             values += [own.kind.exact(of, line[None, :])[0] for line in trial]
-            log = (
-                scipy.special.logsumexp(own.none[:, None] + one.log, axis=0) + own.batch.log_prior[one.index]
-            )
-            logs += [log] * len(factor)
+            log = scipy.special.logsumexp(own.none[:, None] + one.log, axis=0)
+            whole = scipy.special.logsumexp(own.log[:, candidates.form == form])
+            logs += [log - scipy.special.logsumexp(log) + whole] * len(factor)
         total = np.concatenate(logs)
         return _quantiles(np.concatenate(values), np.exp(total - total.max()), levels)
     counts = own.share.max(axis=0) > _COUNTS * own.share.max()

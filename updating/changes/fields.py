@@ -211,11 +211,11 @@ class Fields:
         self.system, self.stack, self.theta, self.band, self.modes = system, system.stack, theta, band, modes
         self.grid = grid_of(system)
         vectors = system.basis @ modes
-        vectors = vectors if further is None else np.hstack([vectors, further])
-        self.n_mode = vectors.shape[1]
+        self.vectors = vectors if further is None else np.hstack([vectors, further])
+        self.n_mode = self.vectors.shape[1]
         where = system.assembly.slices()
         self.coefficient = {
-            f: vectors[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2)
+            f: self.vectors[where[f]].reshape(system.assembly.n_z[f], -1, self.n_mode).transpose(1, 0, 2)
             for f in FIELDS
         }
         self.kept: dict[tuple[object, ...], Vector] = {}
@@ -410,15 +410,29 @@ class Fields:
     @kept
     def strain(self, layer: Layer) -> Vector:
         """Return the strain energy of laminas per area as rows, (n_point, R, m): half their squares is the energy."""
+        return self._strained(layer, 1.0, (1.0, 1.0))
+
+    @kept
+    def around_hole(self, layer: Layer) -> Vector:
+        """Return the same of the energy that goes with a small hole, per area of it."""
+        nu = self.stack.material.poisson
+        return self._strained(layer, 2.0 / (1.0 - nu), (4.0 / (3.0 + nu), 4.0 / (1.0 + nu)))
+
+    def _strained(self, layer: Layer, mean: float, rest: tuple[float, float]) -> Vector:
+        """Return rows of `mean` times the energy by the mean of two strains and `rest` times all other.
+
+        The first of `rest` is of bending, the second of strains in the plane.
+        """
         q11, q12, q22, q66 = self._plane_stress
         t = self.stack.pitch
-        root = la.cholesky(np.array([[q11, q12, 0.0], [q12, q22, 0.0], [0.0, 0.0, q66]]))
+        whole = np.array([[q11, q12, 0.0], [q12, q22, 0.0], [0.0, 0.0, q66]])
+        even = (q11 + q22 + 2.0 * q12) / 4.0 * np.outer([1.0, 1.0, 0.0], [1.0, 1.0, 0.0])
+        bent, stretched = (la.cholesky(own * whole + (mean - own) * even) for own in rest)
         wxx, wyy, wxy = self.lamina(layer, [("w", "xx"), ("w", "yy"), ("w", "xy")])
-        bend = np.sqrt(t**3 / 12.0)
-        rows = _times(root * bend, [wxx, wyy, 2.0 * wxy])
+        rows = _times(bent * np.sqrt(t**3 / 12.0), [wxx, wyy, 2.0 * wxy])
         if self.stack.n_lamina > 1 or np.any(self.coefficient["u"]):
             ux, vy, uy, vx = self.lamina(layer, [("u", "x"), ("v", "y"), ("u", "y"), ("v", "x")])
-            rows += _times(root * np.sqrt(t), [ux, vy, uy + vx])
+            rows += _times(stretched * np.sqrt(t), [ux, vy, uy + vx])
         return np.concatenate(rows, axis=1)
 
     @kept

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from model.matrices.labelled import DIRECTIONS, rigid_motion
 from model.matrices.readers import Target
+from model.matrices.reduced import Places
+from model.matrices.structure import MatrixStructure
 from updating.changes.structure import Answers, Part, StatedTerm, Tied
 from updating.diagnosis.matrices_model import WHOLE, MatricesNear
 
@@ -27,6 +29,23 @@ _PART = 1 / 3  # of the distance between these, to which they are then separated
 _NEAR = 0.1  # of the structure's size: mass that lies within belongs to a place
 _THIN = 0.05  # of the largest extent, below which an axis says nothing of a location
 _HOLDS = 1e-6  # of the energy that a rigid motion would cost, were no entry to cancel another
+
+
+def motions(structure: MatrixStructure, places: Places) -> sp.csr_array:
+    """Return what places show of vectors in the rows of a structure, (n, n_row)."""
+    n, k = places.node.shape
+    order = np.lexsort((structure.dof, structure.node))
+    label = structure.node[order].astype(np.int64) * 8 + structure.dof[order]
+    row, column, share = [], [], []
+    for axis in range(3):
+        wanted = places.node.astype(np.int64) * 8 + axis + 1
+        at = np.minimum(np.searchsorted(label, wanted), label.size - 1)
+        there = label[at] == wanted
+        row.append(np.broadcast_to(np.arange(n)[:, None], (n, k))[there])
+        column.append(order[at[there]])
+        share.append((places.weight * places.direction[:, [axis]])[there])
+    entries = np.concatenate(share), (np.concatenate(row), np.concatenate(column))
+    return sp.csr_array(sp.coo_array(entries, shape=(n, structure.node.size)))
 
 
 class Nodes:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from ema.types.modal_model import ModalModel
 from model import MatrixStructure
+from model.modes.modes import observe
 from updating.changes.fields import Fields
 from updating.changes.kinds.clamp_force import under_clamps
 from updating.changes.kinds.everywhere import edges, whole_contact, whole_laminas
-from updating.changes.nodes import Nodes
+from updating.changes.nodes import Nodes, motions
 from updating.changes.structure import Part, Structure
 from updating.correlation.pairing import require_points
 from updating.correlation.registration import register
@@ -54,12 +55,15 @@ class Beside:
     ----------
     states, modals : tuple of State and of Modal
         What was measured, the reference and its repeats first, and the model of each.
+    sensors : tuple of sparse (n_dof, n)
+        What each state measures of vectors in the structure's equations of motion.
     structure : callable
         Takes the lowest and the highest frequency that are compared, Hz; returns the structure in the changed state.
     """
 
     states: tuple[State, ...]
     modals: tuple[Modal, ...]
+    sensors: tuple[Any, ...]
     structure: Callable[[tuple[float, float]], Structure]
 
 
@@ -128,8 +132,12 @@ class StackReference:
         at = dict(zip((c.name for c in self.fit.coordinates), x.tolist(), strict=True))
         theta, system = model.theta(at, first)[0], self.candidates.system
         modes = local.basis @ modals[first].shape
+        seen = {id(points): observe(system, points).rows for points in observation}
         return Beside(
-            states=model.states, modals=modals, structure=lambda band: Fields(system, modes, theta, band)
+            states=model.states,
+            modals=modals,
+            sensors=tuple(seen[id(points)] for points in observation),
+            structure=lambda band: Fields(system, modes, theta, band),
         )
 
     def scattered(self, structure: Fields) -> list[tuple[Part, float]]:
@@ -172,7 +180,10 @@ class MatricesReference:
         modals = tuple(local.modal(self.fit.x, c) for c in range(len(every)))
         shape = modals[len(self.tested)].shape
         return Beside(
-            states=model.states, modals=modals, structure=lambda band: Nodes(local, self.fit.x, shape, band)
+            states=model.states,
+            modals=modals,
+            sensors=tuple(motions(self.matrices, places) for places in model.places),
+            structure=lambda band: Nodes(local, self.fit.x, shape, band),
         )
 
     def scattered(self, structure: Nodes) -> list[tuple[Part, float]]:

@@ -12,7 +12,7 @@ which is exact for any amplitude t within these coordinates (Guyan 1965; Leung 1
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,17 +25,22 @@ from updating.changes.candidate import Candidates, Kind
 from updating.changes.scan import EFFECTS, apparent
 from updating.changes.situation import Situation
 from updating.changes.structure import Answers, Part, Structure
+from updating.inference.equation_error import WIDE
+from updating.inference.gradient import Latent
 
 Vector = NDArray[np.float64]
-
-Change = Callable[[Vector], Vector]
-"""Takes amplitudes (n,), returns the change of all errors of the changed state, (n, N)."""
 
 _DEPENDENT = 1e-5  # of the largest energy: directions with less are none
 
 _ABOVE = 0.9  # of the highest measured eigenvalue over one of the rest
 
 _LEAST = 0.05  # of its stiffness that a direction keeps
+
+_NOTHING = 1e-6  # of the largest answer: smaller ones are none
+
+_FARTHEST = (
+    3.0  # standard deviation of a modal coordinate beside a shape of unit length, whatever equations say
+)
 
 
 class Condensed:
@@ -49,7 +54,7 @@ class Condensed:
 
     def __init__(self, at: Situation) -> None:
         self.at, self.structure = at, at.structure
-        self._kept: dict[tuple[object, ...], tuple[Structure, Vector, Vector]] = {}
+        self._kept: dict[tuple[object, ...], tuple[Structure, Vector, Vector, list[Vector]]] = {}
 
     def change(self, kind: Kind, candidates: Candidates, i: int) -> Change:
         """Return what one candidate does to the equation errors of the changed state, by its amplitude.
@@ -61,33 +66,34 @@ class Condensed:
         candidates : Candidates
             Among which it is number `i`.
         """
-        structure, stiffness, mass = self._around(kind, candidates, i)
+        structure, stiffness, mass, seen = self._around(kind, candidates, i)
         own = kind.candidates(structure, structure.located(candidates.place[i, None]))
         (j,) = np.flatnonzero(own.form == candidates.form[i])
-        m, measured = self.structure.n_mode, self.at.ours
-        steps = list[tuple[Vector, Vector, Vector]]()
-        parts = _matrices(own.only(np.array([j])))
-        for r, value in enumerate(measured.eigenvalue):
-            s = _dynamic(parts, value)
-            gap = stiffness - value * mass
-            mu, turn = la.eigh(s[m:, m:], gap)
-            a = measured.weight[r]
-            steps.append((s[:m, :m] @ a, s[:m, m:] @ turn, np.column_stack([mu, turn.T @ s[m:, :m] @ a])))
+        m, steps, parts = self.structure.n_mode, list[_Mode](), _matrices(own.only(np.array([j])))
+        for errors, rows in zip(self.at.joint.errors[self.at.n_reference :], seen, strict=True):
+            for r, value in enumerate(errors.eigenvalue):
+                s = _dynamic(parts, value)
+                mu, turn = la.eigh(s[m:, m:], stiffness - value * mass)
+                answers = turn.T @ s[m:, :m]
+                size = np.linalg.norm(answers, axis=1)
+                used = size > _NOTHING * size.max(initial=0.0)
+                steps.append(
+                    _Mode(errors.latent, r, s[:m, :m], mu[used], answers[used], rows @ turn[:, used])
+                )
 
-        def changed(amplitude: Vector) -> Vector:
-            found = np.zeros((amplitude.size, *measured.scale.shape))
-            for r, (first, back, answers) in enumerate(steps):
-                t = amplitude[:, None]
-                yields = t**2 * answers[:, 1] / np.maximum(1.0 + t * answers[:, 0], _LEAST)
-                found[:, r] = -(t * first - yields @ back.T) / measured.scale[r]
-            return found.reshape(amplitude.size, -1)
+        return Change(steps)
 
-        return changed
+    def _around(
+        self, kind: Kind, candidates: Candidates, i: int
+    ) -> tuple[Structure, Vector, Vector, list[Vector]]:
+        """Return the structure with its answers after the modes, stiffness and mass of these, and what is seen of them.
 
-    def _around(self, kind: Kind, candidates: Candidates, i: int) -> tuple[Structure, Vector, Vector]:
-        """Return the structure with its answers after the modes, and stiffness and mass of these answers."""
+        That is nothing where only the reduced basis answers, as of a thick stack: coordinates of modes that sensors
+        hardly see would take it up.
+        """
         place, size = candidates.place[i], float(candidates.size[i])
         half = size if np.isfinite(size) else 0.0
+        half = half if kind.on_plan else half / 2.0  # parts of edges have a length, patches a radius
         key = (*np.round(place, 4).tolist(), round(half, 4)) if kind.local else ()
         if key not in self._kept:
             answers = self.structure.answers(place, half) if kind.local else None
@@ -96,7 +102,7 @@ class Condensed:
             self._kept[key] = self._beside(answers)
         return self._kept[key]
 
-    def _beside(self, answers: Answers | None) -> tuple[Structure, Vector, Vector]:
+    def _beside(self, answers: Answers | None) -> tuple[Structure, Vector, Vector, list[Vector]]:
         """Return the structure with all that is beside its modes, and stiffness and mass of that."""
         modes, stiffness, mass = self.structure.matrices()
         n = len(stiffness)
@@ -115,7 +121,91 @@ class Condensed:
         found = raw @ (turn @ axes[:, above])
         further = None if answers is None else answers.vectors @ found[n:]
         structure = self.structure.beside(found[:n], further)
-        return structure, np.eye(found.shape[1]), np.diag(ratio[above])
+        beside = structure.vectors[:, self.structure.n_mode :]
+        seen = [np.asarray(sensors @ beside) for sensors in self.at.sensors]
+        seen = seen if answers is not None else [np.zeros_like(rows) for rows in seen]
+        return structure, np.eye(found.shape[1]), np.diag(ratio[above]), seen
+
+
+class _Mode:
+    """One measured mode in the equations of the structure with a change of any amplitude.
+
+    The rest of the structure moves by v = V a, and sensors see Psi + Psi_v V of the modal coordinates a. So these are
+    estimated anew, as `updating.inference.equation_error` does without a change: with a prior by which equation errors
+    are of a size of `WIDE`.
+
+    Parameters
+    ----------
+    latent : Latent
+        What shapes say of modal coordinates without a change.
+    r : int
+        Number of the mode.
+    within : (m, m) float
+        dK - lambda dM of an amplitude of 1 between the modes.
+    mu : (k,) float
+        The same of the rest of the structure, in coordinates in which its own dynamic stiffness is the identity.
+    answers : (k, m) float
+        The same between them and the modes.
+    seen : (n_dof, k) float
+        What sensors see of them.
+    """
+
+    def __init__(
+        self, latent: Latent, r: int, within: Vector, mu: Vector, answers: Vector, seen: Vector
+    ) -> None:
+        self.within, self.mu, self.answers, self.scale, self.gap = (
+            within, mu, answers, latent.scale[r], latent.gap[r],
+        )  # fmt: skip
+        self.weight, self.eigenvalue = latent.weight[r], float(latent.eigenvalue[r])
+        self.sure, m = float(latent.sure[r]), len(within)
+        every = np.hstack([latent.modal.rows, seen])
+        self.gram, self.shape = every.T @ every, every.T @ latent.shape[r]
+        self.n, self.usual = m, _errors(np.diag(self.gap), self.gram[:m, :m], self.shape[:m], self.sure)
+
+    def _yields(self, amplitude: Vector) -> tuple[Vector, Vector]:
+        """Return V, (n, k, m), and the change of the dynamic stiffness between the modes, (n, m, m)."""
+        t = amplitude[:, None]
+        off = 1.0 + t * self.mu
+        yields = -(t / np.where(off > _LEAST, off, _LEAST))[..., None] * self.answers
+        return yields, t[..., None] * (self.within + self.answers.T @ yields)
+
+    def shift(self, amplitude: float) -> float:
+        """Return the change of the logarithm of the frequency, by Rayleigh's quotient."""
+        _, (stiffness,) = self._yields(np.array([amplitude]))
+        return float(np.arcsinh(0.5 * self.weight @ stiffness @ self.weight / self.eigenvalue))
+
+    def change(self, amplitude: Vector) -> Vector:
+        """Return by how much errors differ from those without a change, (n, m)."""
+        m = self.n
+        yields, stiffness = self._yields(amplitude)
+        map_ = np.diag(self.gap) - stiffness / self.scale[:, None]
+        cross = self.gram[:m, m:] @ yields
+        gram = self.gram[:m, :m] + cross + cross.transpose(0, 2, 1)
+        gram = gram + yields.transpose(0, 2, 1) @ self.gram[m:, m:] @ yields
+        shape = self.shape[:m] + yields.transpose(0, 2, 1) @ self.shape[m:]
+        return np.asarray(_errors(map_, gram, shape, self.sure) - self.usual)
+
+
+class Change:
+    """What one candidate does to the measured modes of the changed state."""
+
+    def __init__(self, modes: Sequence[_Mode]) -> None:
+        self.modes = modes
+
+    def __call__(self, amplitude: Vector) -> Vector:
+        """Return the change of all errors by amplitudes, (n, N)."""
+        return np.hstack([mode.change(amplitude) for mode in self.modes])
+
+    def shift(self, amplitude: float) -> Vector:
+        """Return the changes of the logarithms of frequencies, (n_mode,)."""
+        return np.array([mode.shift(amplitude) for mode in self.modes])
+
+
+def _errors(map_: Vector, gram: Vector, shape: Vector, sure: float) -> Vector:
+    """Return equation errors, (..., m), of the modal coordinates that a shape has."""
+    prior = map_.swapaxes(-1, -2) @ map_ / WIDE**2 + np.eye(map_.shape[-1]) / _FARTHEST**2
+    a = np.linalg.solve(gram * sure + prior, sure * shape[..., None])
+    return np.asarray((map_ @ a)[..., 0] / np.linalg.norm(a, axis=-2))
 
 
 def _bordered(matrix: Vector, border: Vector) -> Vector:
@@ -164,8 +254,8 @@ class Refined:
         Amplitudes.
     log : (n_size, n) float
         Logarithm of the posterior mass at each size of the scatter and amplitude, over the likelihood of no change.
-    change : (N,) float
-        Change of the errors by the likeliest amplitude.
+    shift : (n_mode,) float
+        Change of the logarithms of frequencies by the likeliest amplitude.
     fall : (n_size,) float
         By how much the best amplitude lowers the misfit.
     """
@@ -173,7 +263,7 @@ class Refined:
     index: int
     amplitude: Vector
     log: Vector
-    change: Vector
+    shift: Vector
     fall: Vector
 
     @property
@@ -229,7 +319,7 @@ def refine(
         index=index,
         amplitude=amplitude,
         log=log,
-        change=change(np.array([at]))[0],
+        shift=change.shift(float(at)),
         fall=np.array([fall for _, fall in found]),
     )
 

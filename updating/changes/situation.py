@@ -64,6 +64,7 @@ class Situation:
         _require_modes(self.states)
         every = np.concatenate([state.frequency for state in self.states])
         self.structure = beside.structure((float(every.min()), float(every.max())))
+        self.sensors = beside.sensors[self.n_reference :]
         self.measured = [
             Measured(weight=own.weight, eigenvalue=own.eigenvalue, scale=scale)
             for own, scale in zip(self.joint.errors, self.joint.scale, strict=True)

@@ -112,6 +112,8 @@ class Structure(Protocol):
     n_mode: int
     band: tuple[float, float]
     """Lowest and highest measured natural frequency, Hz."""
+    vectors: Vector
+    """Its modes, and vectors after them, in its equations of motion, (n, n_mode)."""
 
     @property
     def stack(self) -> Stack | None:

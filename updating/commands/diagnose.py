@@ -84,6 +84,7 @@ def diagnose_changes(
     campaign = read_campaign(campaign_file)
     tests = every_identified(assignments(campaign, output, keep=keep), "identify", console, cluster)
     changes, lost = compared(campaign, tests)
+    changes = tuple(sorted(changes, key=lambda change: not change.changed))
     for line in lost:
         console.print(line, markup=False, highlight=False)
     if campaign.stack is None or campaign.points is None:

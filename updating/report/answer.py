@@ -15,7 +15,7 @@ from updating.inference.levels import SEPARATE
 from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
 from updating.report.ledger_part import APART
 from updating.report.part import Opening, Picture, Section, Table
-from updating.report.results import Results
+from updating.report.results import Results, Tested
 from updating.results.text import Z95, estimate_text, percent, quantity, together
 
 _TONE: dict[Verdict, str] = {
@@ -196,10 +196,20 @@ def _of_a_fit(results: Results) -> Opening:
     )
 
 
+def _changed_first(results: Results) -> list[Tested]:
+    """Return the configurations, those first that have changed: they are what is asked for."""
+
+    def changed(tested: Tested) -> bool:
+        seen = tested.change is not None and tested.change.changed
+        return seen or (tested.what_changed is not None and tested.what_changed.verdict != "unchanged")
+
+    return sorted(results.tested, key=lambda tested: not changed(tested))
+
+
 def _in_short(results: Results) -> list[str]:
     """Say of every state what changed and where, in two sentences, or whether it changed where no model says more."""
     sentences: list[str] = []
-    for tested in results.tested:
+    for tested in _changed_first(results):
         if tested.what_changed is not None and tested.what_changed.left:
             sentences += tested.what_changed.sentences[:2]
         elif tested.change is not None:
@@ -210,7 +220,7 @@ def _in_short(results: Results) -> list[str]:
 def change_sentences(results: Results) -> tuple[str, ...]:
     """Say of every configuration that has a reference whether it changed, and what and where."""
     sentences: list[str] = []
-    for tested in results.tested:
+    for tested in _changed_first(results):
         if tested.change is not None:
             sentences.append(f"{change_sentence(tested.change)}.")
         if tested.what_changed is not None:

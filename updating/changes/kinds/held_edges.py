@@ -51,6 +51,13 @@ class HeldEdge:
 
 def held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
     """Return the held edges of a structure."""
+    if ("held edges",) not in fields.shared:
+        fields.shared[("held edges",)] = _held_edges(fields)
+    edges: tuple[HeldEdge, ...] = fields.shared[("held edges",)]
+    return edges
+
+
+def _held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
     stack, plan = fields.stack, fields.system.assembly.plan
     found = []
     for i, support in enumerate(stack.supports):

@@ -1,30 +1,35 @@
-"""A hole, or material taken out: stiffness and mass are gone together."""
+"""A hole, or material taken out: stiffness and mass are gone together.
+
+Strains concentrate around a hole. Of a small round one in a thin plate, whose loads stay, 2 / (1 - nu) of the energy
+goes that was in its area by a mean curvature or a mean strain, and of the rest of the energy 4 / (3 + nu) where it is
+bent, 4 / (1 + nu) where it is strained in its plane (Kirsch's solution, and that of a bent plate: Timoshenko and
+Woinowsky-Krieger, Theory of Plates and Shells, 1959).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from updating.changes.candidate import Candidates, Kind, at_heights, bumps, needs_laminas, plain
+from updating.changes.candidate import Candidates, Kind, at_heights, bumps, crossed, needs_laminas, plain
 from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part
 
-_TAKES = 2.3
-"""Share of the stiffness in a small hole's area that goes with it: between the 2 and 3 of bending and of forces in the
-plane, for strains concentrate around it."""
-_RADIUS = 0.02  # over the root of the plan's area, of the bell that stands for a small hole
+_RADII = np.array([0.02, 0.05, 0.1])
+"""Over the root of the plan's area, of bells over which the energy is averaged: a hole is about as large."""
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return holes, their area being the size."""
     scale = float(np.sqrt(fields.grid.area.sum()))
-    bell = bumps(fields.grid, at, np.full(len(at), max(_RADIUS * scale, 1.5 * _step(fields))))
+    radius, centre = crossed(np.maximum(_RADII * scale, 1.5 * _step(fields)), at)
+    bell = bumps(fields.grid, centre, radius)
     share = bell.multiply(1.0 / np.maximum(np.asarray(bell.sum(axis=1)), 1e-300)[:, None]).tocsr()
     whole = fields.layers[0]
     area = fields.grid.area.sum()
     return plain(
-        at_heights(at, 0.0),
+        at_heights(centre, 0.0),
         (
-            Part(rows=fields.strain(whole), target="K", weight=-_TAKES * share),
+            Part(rows=fields.around_hole(whole), target="K", weight=-share),
             Part(rows=fields.motion(whole), target="M", weight=-fields.mass / area * share),
         ),
         n_cell=len(at),
