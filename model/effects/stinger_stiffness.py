@@ -5,7 +5,7 @@ does, as forces that nobody measures.
 
 Enters: springs to the ground on u, v (k) and on the slopes (k l**2/3, l = 50 mm) at the shaker's point of the
     plan, spread over the height; affine.
-Range: 0 to 1e5 N/m: 3 E I / l**3 of a steel stinger of 2 to 5 mm over 50 to 150 mm.
+Range: 0 to 6e5 N/m: 12 E I / l**3 of a steel stinger of 2 to 5 mm over 50 to 150 mm, screwed in at both ends.
 Does: raises T1 by 0.16 % at low torque and half of it at twice the pressure; the others by 0.01 % or less.
     Puts low suspension modes in. (Demo stack, nominal strength.)
 Mistaken for: suspension, stinger_mass (opposite sign).
@@ -51,8 +51,8 @@ EFFECT = Effect(
             unit="N/m",
             nominal=30000.0,
             lower=0.0,
-            upper=100000.0,
-            source="3 E I / l**3 of a steel stinger of 2 to 5 mm over 50 to 150 mm",
+            upper=600000.0,
+            source="12 E I / l**3 of a steel stinger of 2 to 5 mm over 50 to 150 mm, screwed in at both ends",
         ),
     ),
     terms=terms,

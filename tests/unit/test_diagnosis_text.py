@@ -85,6 +85,7 @@ def diagnosis(verdict, *left, steps=(), **given):
         "errors": (mode_error(1, 0.02), mode_error(2, -0.012), mode_error(3, 0.001)),
         "n_used": {"M1": (9, 10), "M2": (10, 10)},
         "stack": None,
+        "unlisted": None,
         "models": {},
     }
     return Diagnosis(**(default | given))

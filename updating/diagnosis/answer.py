@@ -22,6 +22,7 @@ from updating.diagnosis.answer_parts import (
     Sizes,
 )
 from updating.fitting.fit import ModelFit, ParameterEstimate
+from updating.inference.decide import Unlisted
 
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 
@@ -234,6 +235,9 @@ class Diagnosis(Shown):
         What contradicts each configuration's measurement about force, scale and sensors.
     sentences : tuple of str
         The answer in plain words.
+    unlisted : "instead", "beside", "refused" or None
+        Whether something that no effect of the catalogue describes explains the data nearly as well as what is named,
+        is clearly more probable beside it than nothing, or is more probable than any effect that could be named.
     models : mapping of str to tuple of ModelFit
         Of matrices by configuration the base model and, where something was identified, the model with that; a stack's
         are solved anew.
@@ -269,6 +273,7 @@ class Diagnosis(Shown):
     contact: tuple[ContactAmplitude, ...]
     rig: tuple[RigCheck, ...]
     sentences: tuple[str, ...]
+    unlisted: Unlisted | None = None
     models: Mapping[str, tuple[ModelFit, ...]] = field(default_factory=dict)
 
     def has(self, effects: Sequence[str]) -> bool:

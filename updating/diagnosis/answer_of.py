@@ -66,6 +66,7 @@ def answer_of(
         discrepancy=middle,
         discrepancy_spread=spread,
         too_large=decision.too_large,
+        unlisted=decision.unlisted,
         mixed_up=(),
         strained=far,
         moved=model.moved(first),

@@ -26,6 +26,7 @@ _MOST_LEFT = {
     "frequency": STIFFNESS.quantile(1.0 - INADEQUATE) / float(np.sqrt(2.0)),
     "damping": DAMPING.quantile(1.0 - INADEQUATE),
 }
+UNLISTED = "something that no effect of the catalogue describes"
 _KINDS = {"frequency": "frequency", "damping": "damping ratio"}
 
 
@@ -98,7 +99,11 @@ def named(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
 def further_effects(diagnosis: Diagnosis) -> tuple[tuple[str, ...], ...]:
     """Return what further explanations add, where all that are left hold all of the first; else nothing."""
     first, *others = diagnosis.set
-    if not all(set(first) < set(effects) for effects in others):
+    if (
+        not others
+        or diagnosis.unlisted == "instead"
+        or not all(set(first) < set(effects) for effects in others)
+    ):
         return ()
     return tuple(tuple(e for e in effects if e not in first) for effects in others)
 
@@ -113,14 +118,21 @@ def _verdict(diagnosis: Diagnosis) -> str:
             f"{_sizes(diagnosis)}."
         )
     if diagnosis.verdict == "unlike anything":
+        why = (
+            f"{UNLISTED} is more probable than any that was tried"
+            if diagnosis.unlisted == "refused"
+            else "with none of the effects that were tried does it predict better what it was not fitted to"
+        )
         return (
             "Something is missing that is unlike anything in the catalogue. The model's frequencies are off by "
-            f"{percent(base.frequency_error)} in the mean, and with none of the effects that were tried does it "
-            "predict better what it was not fitted to."
+            f"{percent(base.frequency_error)} in the mean, and {why}."
         )
     first, share = diagnosis.ranked(diagnosis.set[0]), f"{100.0 * diagnosis.explained:.0f} %"
     what = named(diagnosis, first.effects)
     others = "; or ".join(named(diagnosis, effects) for effects in diagnosis.set[1 : 1 + _LISTED])
+    others += _more(diagnosis.set)
+    if diagnosis.unlisted == "instead":
+        others += f"{'; or ' if others else ''}{UNLISTED}"
     if diagnosis.verdict == "one of" and (beside := further_effects(diagnosis)):
         also = "; or ".join(named(diagnosis, effects) for effects in beside[:_LISTED])
         return (
@@ -129,11 +141,11 @@ def _verdict(diagnosis: Diagnosis) -> str:
         )
     if diagnosis.verdict == "one of":
         return (
-            f"One of these, and the data cannot tell which: {what}; or {others}{_more(diagnosis.set)}. "
+            f"One of these, and the data cannot tell which: {what}; or {others}. "
             f"{_change(base, first, 'With the first')}"
         )
     if diagnosis.verdict == "partly explained":
-        near = f" Nearly as likely: {others}{_more(diagnosis.set)}." if others else ""
+        near = f" Nearly as likely: {others}." if others else ""
         start = "Most" if diagnosis.explained > _MOST else "Part"
         return f"{start} of the misfit ({share}) is {what}{_said(first)}. {_change(base, first, 'With it')}{near}"
     where = (
@@ -299,6 +311,8 @@ def _remains(diagnosis: Diagnosis) -> list[str]:
         text.append(
             f"What remains is more than a model leaves to which nothing is missing: {'; '.join(large)}."
         )
+    if diagnosis.unlisted == "beside":
+        text.append(f"Beside that, {UNLISTED} is clearly more probable than nothing.")
     return [*text, _where(diagnosis)]
 
 
@@ -320,6 +334,11 @@ def _likelier(diagnosis: Diagnosis) -> list[str]:
     first, answer = diagnosis.ranking[0], diagnosis.ranked(diagnosis.set[0] if diagnosis.set else ())
     if first.effects in diagnosis.set or first.log_odds - answer.log_odds < NAMED:
         return []
+    if diagnosis.unlisted == "refused":
+        return [
+            f"Of the effects, {named(diagnosis, first.effects)} comes nearest, but has another form than what is "
+            "there: it is not named."
+        ]
     further = [name for name in first.effects if name not in answer.effects]
     beside = " beside it" if further and diagnosis.set and set(answer.effects) < set(first.effects) else ""
     fits = named(diagnosis, further if beside else first.effects)

@@ -14,6 +14,7 @@ from updating.inference.search import Search
 
 _USUAL = 25  # coordinates of the base model of one stack
 
+Unlisted = Literal["instead", "beside", "refused"]
 Verdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything"]
 
 
@@ -31,12 +32,16 @@ class Decision:
         From the base model to the first of these, one term at a time.
     too_large : tuple of "frequency" or "damping"
         Kinds of data whose discrepancy is larger than that of a right model.
+    unlisted : "instead", "beside", "refused" or None
+        Whether something that no term describes explains the data nearly as well as a term that is named, is clearly
+        more probable beside all that are named than nothing, or is more probable than any term that could be named.
     """
 
     verdict: Verdict
     left: tuple[Explanation, ...]
     steps: tuple[Explanation, ...]
     too_large: tuple[Literal["frequency", "damping"], ...]
+    unlisted: Unlisted | None = None
 
 
 def decide(search: Search) -> Decision:
@@ -44,21 +49,37 @@ def decide(search: Search) -> Decision:
 
     The explanation that `search` chose is named: each of its steps is clearly more probable and predicts better.
     Explanations with as many terms or fewer remain beside it if they are nearly as probable and predict better than the
-    base model. Nothing is missing where the base model has a usual discrepancy and no nuisance is far from its prior.
-    An explanation is whole where the same holds of it.
+    base model, and so does something unlisted. Nothing is missing where the base model has a usual discrepancy, no
+    nuisance is far from its prior, and no term was refused for something unlisted. An explanation is whole where the
+    discrepancy beside it is usual, no nuisance is far, and nothing unlisted is clearly more probable beside it.
     """
     chosen = search.chosen
     large = too_large(chosen, search.setting.priors)
     if not chosen.terms:
-        empty: Verdict = (
-            "unlike anything" if large or chosen.apart or _pulled(chosen, search.freed) else "nothing missing"
-        )
-        return Decision(verdict=empty, left=(), steps=(chosen,), too_large=large)
+        strange = large or chosen.apart or _pulled(chosen, search.freed) or search.refused
+        empty: Verdict = "unlike anything" if strange else "nothing missing"
+        refused: Unlisted | None = "refused" if search.refused else None
+        return Decision(verdict=empty, left=(), steps=(chosen,), too_large=large, unlisted=refused)
     left = _left(search)
     large = too_large(left[0], search.setting.priors)
-    partly = large or left[0].apart or _pulled(left[0], search.freed)
-    verdict: Verdict = "partly explained" if partly else "identified" if len(left) == 1 else "one of"
-    return Decision(verdict=verdict, left=left, steps=_steps(search, left[0]), too_large=large)
+    unlisted = _unlisted(search, left[0])
+    partly = large or left[0].apart or _pulled(left[0], search.freed) or unlisted == "beside"
+    several = len(left) > 1 or unlisted == "instead"
+    verdict: Verdict = "partly explained" if partly else "one of" if several else "identified"
+    return Decision(
+        verdict=verdict, left=left, steps=_steps(search, left[0]), too_large=large, unlisted=unlisted
+    )
+
+
+def _unlisted(search: Search, explanation: Explanation) -> Unlisted | None:
+    """Tell whether something unlisted is about as probable as a term of an explanation, or clearly so beside it."""
+    if search.odds_unlisted(explanation, explanation.terms) - search.odds(explanation) > SEPARATE:
+        return "beside"
+    for name in explanation.terms:
+        part = search.fitted.get(frozenset(explanation.terms) - {name})
+        if part and search.odds(explanation) - search.odds_unlisted(part, [name]) < SEPARATE:
+            return "instead"
+    return None
 
 
 def _pulled(explanation: Explanation, freed: Collection[str]) -> bool:

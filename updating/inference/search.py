@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,10 +34,12 @@ from updating.inference.levels import (
     PULLED,
     RELEASED,
     RISES,
+    SEPARATE,
 )
 from updating.inference.protocol import Model, Term
 from updating.inference.robust_start import robust_start
 from updating.inference.screen import screened
+from updating.inference.unlisted import unlisted_gain
 
 Vector = NDArray[np.float64]
 _MATTERS: tuple[tuple[Kind, float], ...] = (("frequency", FREQUENCY_MATTERS), ("damping", DAMPING_MATTERS))
@@ -82,6 +85,8 @@ class Search:
         The last of the steps from the base model, each of which is clearly more probable and predicts better.
     states : mapping of str to tuple of int or None
         The states that each term changes; all where it is None or absent.
+    refused : bool
+        Whether terms that raise odds and predict better were not chosen, as something unlisted is likelier.
     """
 
     setting: Setting
@@ -90,7 +95,9 @@ class Search:
     fitted: Mapping[frozenset[str], Explanation]
     chosen: Explanation
     states: Mapping[str, tuple[int, ...] | None] = field(default_factory=dict)
+    refused: bool = False
     _seen: dict[int, Prediction] = field(default_factory=dict, repr=False)
+    _gains: dict[tuple[int, tuple[int, ...] | None], float] = field(default_factory=dict, repr=False)
 
     @property
     def base(self) -> Explanation:
@@ -102,40 +109,42 @@ class Search:
         prior = sum(self.priors[name] for name in explanation.terms)
         return explanation.log_evidence - self.base.log_evidence + prior
 
+    def odds_unlisted(self, explanation: Explanation, changed: Collection[str] = ()) -> float:
+        """Return the log odds of an explanation with something beside it that no term describes (see `unlisted_gain`).
+
+        It is as probable beforehand as all terms together, and acts in the states that the terms `changed` change.
+        """
+        key = id(explanation), self._changed(changed)
+        if key not in self._gains:
+            self._gains[key] = unlisted_gain(explanation, self.setting.priors, key[1])
+        return self.odds(explanation) + self._gains[key] + math.log(MISSING)
+
     def helps(self, new: Explanation, old: Explanation) -> bool:
         """Tell whether an explanation predicts the states that its terms change better than another (see `better`)."""
-        among = _changed(self.states, new, old)
+        among = self._changed(set(new.terms) ^ set(old.terms))
         return better(self.prediction(new).among(among), self.prediction(old).among(among))
 
     def prediction(self, explanation: Explanation) -> Prediction:
         """Return how well an explanation predicts what is left out."""
-        return predicted(explanation, self._seen)
+        if id(explanation) not in self._seen:
+            held = np.array([np.isfinite(c.std) for c in explanation.coordinates])
+            held[explanation.n_nuisance :] = False
+            self._seen[id(explanation)] = Prediction(
+                mode=left_out(explanation),
+                state=left_out(explanation, "state"),
+                pull=float(np.max(np.abs(explanation.pulls[held]), initial=0.0)),
+            )
+        return self._seen[id(explanation)]
 
-
-def _changed(
-    states: Mapping[str, tuple[int, ...] | None], new: Explanation, old: Explanation
-) -> tuple[int, ...] | None:
-    """Return the states changed by the terms that only one of two explanations has; None for all states."""
-    changed = set[int]()
-    for name in set(new.terms) ^ set(old.terms):
-        of_term = states.get(name)
-        if of_term is None:
-            return None
-        changed |= set(of_term)
-    return tuple(sorted(changed)) or None
-
-
-def predicted(explanation: Explanation, seen: dict[int, Prediction]) -> Prediction:
-    """Return how well an explanation predicts what is left out; `seen` keeps results."""
-    if id(explanation) not in seen:
-        held = np.array([np.isfinite(c.std) for c in explanation.coordinates])
-        held[explanation.n_nuisance :] = False
-        seen[id(explanation)] = Prediction(
-            mode=left_out(explanation),
-            state=left_out(explanation, "state"),
-            pull=float(np.max(np.abs(explanation.pulls[held]), initial=0.0)),
-        )
-    return seen[id(explanation)]
+    def _changed(self, terms: Collection[str]) -> tuple[int, ...] | None:
+        """Return the states that some terms change; None for all states."""
+        changed = set[int]()
+        for name in terms:
+            of_term = self.states.get(name)
+            if of_term is None:
+                return None
+            changed |= set(of_term)
+        return tuple(sorted(changed)) or None
 
 
 def better(new: Prediction, old: Prediction) -> bool:
@@ -238,18 +247,18 @@ def search(
     say : callable
         Receives lines on progress.
     """
-    terms, seen = model.terms, dict[int, Prediction]()
-    fitted: dict[frozenset[str], Explanation] = {frozenset(): base}
+    terms = model.terms
     alike = float(np.log(MISSING / len(terms)))
-    priors = {name: alike if t.log_prior is None else t.log_prior for name, t in terms.items()}
-    states = {name: t.states for name, t in terms.items()}
-
-    def odds(fit: Explanation) -> float:
-        return fit.log_evidence - fitted[frozenset()].log_evidence + sum(priors[n] for n in fit.terms)
-
-    def helps(new: Explanation, old: Explanation) -> bool:
-        among = _changed(states, new, old)
-        return better(predicted(new, seen).among(among), predicted(old, seen).among(among))
+    fitted: dict[frozenset[str], Explanation] = {frozenset(): base}
+    among = Search(
+        setting=common,
+        priors={name: alike if t.log_prior is None else t.log_prior for name, t in terms.items()},
+        freed=frozenset(name for term in terms.values() for name in term.frees),
+        fitted=fitted,
+        chosen=base,
+        states={name: t.states for name, t in terms.items()},
+    )
+    odds = among.odds
 
     def extend(at: Explanation) -> None:
         fits = (extend_by or extended)(model, common, at, starts)
@@ -265,17 +274,18 @@ def search(
     extend(base)
     model, common, refit = (sharpen or _sharpened)(model, common, max(fitted.values(), key=odds))
     if refit:  # the noise was misfit of the base model: all are fitted again, the base model without a step
-        fitted = {names: _refitted(model, common, f, 8 if names else 0) for names, f in fitted.items()}
-        base = fitted[frozenset()]
+        fitted.update({names: _refitted(model, common, f, 8 if names else 0) for names, f in fitted.items()})
     else:
         base_again = explain(model, [], common, max(fitted.values(), key=odds).x[: base.x.size])
         if base_again.log_evidence > base.log_evidence:
-            base = fitted[frozenset()] = base_again
-    chosen = base
+            fitted[frozenset()] = base_again
+    chosen, refused = among.base, False
     for depth in range(1, deepest + 1):
         pool = sorted((f for f in fitted.values() if len(f.terms) == depth), key=odds, reverse=True)
         rising = (f for f in pool[:in_full] if odds(f) - odds(chosen) > NAMED)
-        top = next((f for f in rising if helps(f, chosen)), None)
+        top = next((f for f in rising if among.helps(f, chosen)), None)
+        if top is not None and not _listed(among, top, chosen):
+            top, refused = None, True
         if top is None and depth > 1:
             break
         chosen = top if top is not None else chosen
@@ -285,14 +295,19 @@ def search(
         for at in pool[:beside]:  # one that raises the odds, and is near the best
             if odds(at) > fewer and odds(pool[0]) - odds(at) < behind:
                 extend(at)
-    chosen = _needed(model, common, fitted, chosen, odds)
-    if chosen.terms and not helps(chosen, base):  # what it was chosen with is not needed
-        chosen = base
+    chosen = _needed(model, common, among, fitted, chosen)
+    if chosen.terms and not among.helps(chosen, among.base):  # what it was chosen with is not needed
+        chosen = among.base
     for names in map(frozenset, asked):
         if names and names not in fitted:
             fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])
-    freed = frozenset(name for term in terms.values() for name in term.frees)
-    return Search(common, priors, freed, fitted, chosen, states, seen)
+    return replace(among, setting=common, chosen=chosen, refused=refused)
+
+
+def _listed(among: Search, new: Explanation, old: Explanation) -> bool:
+    """Tell whether an explanation is not less probable than something unlisted in place of its further terms."""
+    further = [name for name in new.terms if name not in old.terms]
+    return among.odds(new) > among.odds_unlisted(old, further) - SEPARATE
 
 
 def _refitted(model: Model, common: Setting, fit: Explanation, steps: int = 8) -> Explanation:
@@ -381,11 +396,11 @@ def extended(
 def _needed(
     model: Model,
     common: Setting,
+    among: Search,
     fitted: dict[frozenset[str], Explanation],
     chosen: Explanation,
-    odds: Callable[[Explanation], float],
 ) -> Explanation:
-    """Drop the terms of an explanation that are no longer needed; fit it without each term where that is missing."""
+    """Drop terms that are no longer needed, or less probable than something unlisted; fit what is missing for that."""
     while len(chosen.terms) > 1:
         parts = [frozenset(chosen.terms) - {name} for name in chosen.terms]
         have = {c.name: value for c, value in zip(chosen.coordinates, chosen.x, strict=True)}
@@ -394,8 +409,8 @@ def _needed(
                 terms = [model.terms[n] for n in chosen.terms if n in names]
                 x = np.array([have[c.name] for c in coordinates_of(model, terms)])
                 fitted[names] = explain(model, terms, replace(common, apart=chosen.apart), x)
-        part = max((fitted[names] for names in parts), key=odds)
-        if odds(chosen) - odds(part) > NAMED:
+        part = max((fitted[names] for names in parts), key=among.odds)
+        if among.odds(chosen) - among.odds(part) > NAMED and _listed(among, chosen, part):
             break
         chosen = part
     return chosen

@@ -10,7 +10,7 @@ import numpy as np
 from ema import change_sentence
 from model import catalogue
 from updating.diagnosis.answer import Diagnosis, Verdict, telling
-from updating.diagnosis.text import further_effects, next_command
+from updating.diagnosis.text import UNLISTED, further_effects, next_command
 from updating.inference.levels import SEPARATE
 from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
 from updating.report.ledger_part import APART
@@ -113,7 +113,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unlike anything":
         return (
             "The model lacks something that is unlike anything in the catalogue: its frequencies are off by "
-            f"{percent(base.frequency_error)} in the mean, and no effect makes it predict better."
+            f"{percent(base.frequency_error)} in the mean, and {_why_none(diagnosis)}."
         )
     named = [together([diagnosis.labels.get(e, e) for e in effects]) for effects in diagnosis.set]
     if diagnosis.verdict == "one of" and (beside := further_effects(diagnosis)):
@@ -124,6 +124,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "one of":
         first = "; or ".join(named[:_MOST_IN_SENTENCE])
         more = f"; or one of {len(named) - _MOST_IN_SENTENCE} more" if len(named) > _MOST_IN_SENTENCE else ""
+        more += f"; or {UNLISTED}" if diagnosis.unlisted == "instead" else ""
         return f"One of these is missing, and the data cannot tell which: {first}{more}."
     answer = diagnosis.ranked(diagnosis.set[0])
     kind = telling(base, answer)
@@ -140,6 +141,13 @@ def headline(diagnosis: Diagnosis) -> str:
     if set(answer.effects) <= set(diagnosis.measurement):
         return f"Not the model but the measurement is wrong, in {named[0]}: {fall}."
     return f"What the model lacks is {named[0]}: {fall}."
+
+
+def _why_none(diagnosis: Diagnosis) -> str:
+    """Say why no effect is named."""
+    if diagnosis.unlisted == "refused":
+        return f"{UNLISTED} is more probable than any of them"
+    return "no effect makes it predict better"
 
 
 def _after_diagnosis(results: Results, diagnosis: Diagnosis) -> tuple[str, str]:

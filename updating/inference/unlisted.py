@@ -1,0 +1,218 @@
+"""The evidence of something beside an explanation that no term of the catalogue describes.
+
+Most of what a structure can have and a model can lack acts in few places: a mass, a spring, a crack, a joint. In modal
+coordinates it is of low rank, while the discrepancy of an honest model has all directions alike. So the rival of every
+term is a change of the stiffness or of the mass in one unknown direction v, with equation errors
++-v_s (v.a_r) of stiffness and +-omega_r / omega_s v_s (v.a_r) of mass. A term that this rival beats has the strength
+of what is missing, not its form: naming it would be wrong.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from updating.inference.discrepancy import Problem, SizePrior
+from updating.inference.equation_error import Errors
+from updating.inference.explain import Explanation
+from updating.inference.tree import TreeProblem
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """A change of stiffness or of mass in one direction: by state, its modes in those of the first, and what it scales.
+
+    States that do not have it are left out by a scale of 0.
+    """
+
+    turns: tuple[Vector, ...]
+    weights: tuple[Vector, ...]
+    scales: tuple[Vector, ...]
+
+    def at(self, direction: Vector) -> tuple[Vector, Vector]:
+        """Return the equation errors that it takes away, (N,), and their derivatives by the direction, (N, m)."""
+        values, derivatives = list[Vector](), list[Vector]()
+        for turn, weight, scale in zip(self.turns, self.weights, self.scales, strict=True):
+            here, onto = direction @ turn, weight @ turn.T
+            part = onto @ direction
+            values.append((scale * here * part[:, None]).ravel())
+            by = turn.T * part[:, None, None] + here[:, None] * onto[:, None, :]
+            derivatives.append((scale[:, :, None] * by).reshape(-1, direction.size))
+        return np.concatenate(values), np.vstack(derivatives)
+
+
+@dataclass(frozen=True, eq=False)
+class _Eliminated:
+    """Whitened errors, quadratic in the coordinates of the fit, of which the cost is the least over these."""
+
+    root: Vector
+    value: Vector
+    jacobian: Vector
+    inverse: Vector
+    pull: Vector
+    log: float
+
+    def cost(self, errors: Vector) -> tuple[float, Vector]:
+        """Return the cost with some equation errors taken away, and its gradient by these, whitened."""
+        rest = self.value - errors
+        driven = self.jacobian.T @ rest + self.pull
+        answer = self.inverse @ driven
+        return 0.5 * float(rest @ rest - driven @ answer), self.jacobian @ answer - rest
+
+    def white(self, errors: Vector) -> Vector:
+        """Return errors (N,) or (N, k) over their covariance."""
+        return np.asarray(la.solve_triangular(self.root, errors, lower=True, check_finite=False))
+
+
+def unlisted_gain(
+    explanation: Explanation,
+    priors: tuple[SizePrior, SizePrior],
+    states: Collection[int] | None = None,
+    *,
+    strengths: Sequence[float] = (0.02, 0.06, 0.2),
+    n_start: int = 2,
+    lowest: float = 0.1,
+) -> float:
+    """Return the logarithm of the factor by which something unlisted beside an explanation raises its evidence.
+
+    Coordinates of the fit are eliminated (errors are linear in them about the explanation), the direction is found by
+    Gauss and Newton's method and integrated by Laplace's, sizes of the discrepancy and of the direction on grids.
+
+    Parameters
+    ----------
+    explanation : Explanation
+        A fit; of many specimens, minus infinity is returned: nothing unlisted is looked for there.
+    priors : (SizePrior, SizePrior)
+        Of the sizes of the discrepancy.
+    states : collection of int, optional
+        Those that the unlisted may change; all by default.
+    strengths : sequence of float
+        Prior standard deviations of a component of the direction, alike probable: changes of a stiffness by 0.5 % to
+        half of it, spread over some 15 modes.
+    n_start : int
+        Directions from which each sign starts: the strongest of the errors' mean symmetric matrix.
+    lowest : float
+        Smallest size of the discrepancy that is looked at, relative to that without the unlisted.
+    """
+    problem, sizes = explanation.problem, explanation.evidence.sizes
+    if isinstance(problem, TreeProblem):
+        return -np.inf
+    grid = priors[0].grid
+    near = (grid > lowest * sizes.stiffness) & (grid < 1.5 * sizes.stiffness)
+    likely = [
+        (_eliminated(explanation, size, sizes.damping), log)
+        for size, log in zip(grid[near], priors[0].log_density[near], strict=True)
+    ]
+    without = logsumexp([log + e.log - e.cost(np.zeros(e.value.size))[0] for e, log in likely])
+    logs = []
+    for of_mass, sign in itertools.product((False, True), (1.0, -1.0)):
+        change = _change(problem.errors, states, of_mass, sign)
+        begins = _directions(problem, sizes.stiffness, change, sign, n_start)
+        for strength in strengths:
+            for e, log in likely:
+                best = max(_integrated(e, change, v, strength) for v in begins)
+                logs.append(log + e.log + best)
+    return float(logsumexp(logs) - np.log(4.0 * len(strengths)) - without)
+
+
+def _eliminated(explanation: Explanation, size: float, of_damping: float) -> _Eliminated:
+    problem = explanation.problem
+    free = ~explanation.at_bound
+    precision = np.array([c.std**-2.0 for c in explanation.coordinates])
+    root = la.cholesky(problem.noise + size**2 * problem.discrepancy, lower=True, check_finite=False)
+    white = la.solve_triangular(
+        root, np.column_stack([problem.value, problem.jacobian]), lower=True, check_finite=False
+    )
+    damped = la.cholesky(
+        problem.damping_noise + of_damping**2 * problem.damping_discrepancy, lower=True, check_finite=False
+    )
+    damping = la.solve_triangular(
+        damped, np.column_stack([problem.damping, problem.damping_jacobian]), lower=True, check_finite=False
+    )
+    jacobian = white[:, 1:]
+    hessian = jacobian.T @ jacobian + damping[:, 1:].T @ damping[:, 1:]
+    hessian += np.diag(precision + 1e-12) + problem.curvature
+    pull = damping[:, 1:].T @ damping[:, 0] + precision * explanation.x
+    pull += problem.beside(explanation.evidence.sizes).sum(axis=0)
+    hessian, pull, jacobian = hessian[np.ix_(free, free)], pull[free], jacobian[:, free]
+    return _Eliminated(
+        root=root,
+        value=white[:, 0],
+        jacobian=jacobian,
+        inverse=np.linalg.inv(hessian),
+        pull=pull,
+        log=-float(np.sum(np.log(np.diag(root)))) - 0.5 * float(np.linalg.slogdet(hessian)[1]),
+    )
+
+
+def _change(errors: Sequence[Errors], states: Collection[int] | None, of_mass: bool, sign: float) -> _Change:
+    turns, scales = list[Vector](), list[Vector]()
+    for c, e in enumerate(errors):
+        u, _, v = la.svd(errors[0].shape.T @ e.shape)
+        turns.append(u @ v if c else np.eye(e.value.shape[1]))
+        has = sign if states is None or c in states else 0.0
+        scales.append(has * (e.inertia if of_mass else np.ones_like(e.value)))
+    return _Change(tuple(turns), tuple(e.weight for e in errors), tuple(scales))
+
+
+def _directions(problem: Problem, size: float, change: _Change, sign: float, n: int) -> list[Vector]:
+    """Return the strongest directions of a sign in the mean of the discrepancy's symmetric matrix, given all errors."""
+    m = problem.errors[0].value.shape[1]
+    pull = la.solve(problem.noise + size**2 * problem.discrepancy, problem.value, assume_a="pos").reshape(
+        -1, m
+    )
+    total, first = np.zeros((m, m)), 0
+    for turn, weight, scale in zip(change.turns, change.weights, change.scales, strict=True):
+        n_mode = len(weight)
+        total += turn @ (sign * scale * pull[first : first + n_mode]).T @ weight @ turn.T
+        first += n_mode
+    value, vector = la.eigh(size**2 * sign * (total + total.T))
+    return [vector[:, -i] * np.sqrt(max(value[-i], 1e-6)) for i in range(1, n + 1)]
+
+
+def _integrated(
+    errors: _Eliminated,
+    change: _Change,
+    direction: Vector,
+    strength: float,
+    *,
+    steps: int = 40,
+    small: float = 1e-2,
+) -> float:
+    """Return minus the least cost, integrated over directions about where it is least by Laplace's method."""
+    precision, damp = strength**-2.0, 1e-3
+
+    def total(v: Vector) -> tuple[float, Vector, Vector]:
+        taken, by = change.at(v)
+        cost, gradient = errors.cost(errors.white(taken))
+        return cost + 0.5 * precision * float(v @ v), gradient, by
+
+    at, gradient, by = total(direction)
+    for _ in range(steps):
+        white = errors.white(by)
+        across = errors.jacobian.T @ white
+        hessian = white.T @ white - across.T @ errors.inverse @ across + precision * np.eye(direction.size)
+        slope = white.T @ gradient + precision * direction
+        after = np.inf
+        while damp < 1e6:
+            step = -la.solve(hessian + damp * np.diag(np.diag(hessian)), slope, assume_a="pos")
+            after, *rest = total(direction + step)
+            if after < at:
+                break
+            damp *= 5.0
+        if not after < at:
+            break
+        fall, at, direction, damp = at - after, after, direction + step, damp / 5.0
+        gradient, by = rest
+        if fall < small:
+            break
+    log_spread = 0.5 * direction.size * np.log(precision) - 0.5 * float(np.linalg.slogdet(hessian)[1])
+    return -at + log_spread + np.log(2.0)  # a direction and its opposite are one change
