@@ -1,0 +1,70 @@
+"""What no term describes, as a rival of every term: on a chain of masses with a hidden mass or spring."""
+
+import numpy as np
+import pytest
+
+from tests.unit.test_inference import TERM, matrices, measured
+from tests.unit.test_inference_search import SHARES, Choice, searched, states
+from updating.inference.decide import decide
+from updating.inference.search import Search, begin, search
+from updating.inference.unlisted import _change, unlisted_gain
+
+
+def with_mass(at, size):
+    """Measured states of the chain with a mass at one point that no term has."""
+    given = []
+    for i, stiffer in enumerate((0.0, 1e-4)):
+        stiffness, mass, _ = matrices({"stiffness": stiffer})
+        mass[at, at] += size
+        given.append(measured(stiffness, mass, seed=i, name="AB"[i]))
+    return tuple(given)
+
+
+def of_base(given):
+    model = Choice(given, (TERM,))
+    common, base = begin(model, shares=SHARES, starts=[np.zeros(2)])
+    return model, common, base
+
+
+def test_a_change_that_no_term_describes_raises_the_evidence_and_nothing_does_not():
+    _, common, base = of_base(with_mass(22, 1.0))
+    assert unlisted_gain(base, common.priors) > 10.0
+    _, common, base = of_base(states(0.0))
+    assert unlisted_gain(base, common.priors) < 0.0
+
+
+def test_what_only_resembles_the_hidden_is_not_named(monkeypatch):
+    """Without the rival, the term that comes nearest would be named if it predicted better."""
+    model, common, base = of_base(with_mass(10, 1.0))
+    monkeypatch.setattr(Search, "helps", lambda *_: True)
+    found = search(model, common, base, say=lambda _: None)
+    decision = decide(found)
+    assert found.refused
+    assert (decision.verdict, decision.left, decision.unlisted) == ("unlike anything", (), "refused")
+    monkeypatch.setattr(Search, "odds_unlisted", lambda *_: -np.inf)
+    assert search(model, common, base, say=lambda _: None).chosen.terms == ("spot",)
+
+
+def test_the_right_term_beats_the_rival_and_leaves_nothing_to_it():
+    found = searched(0.4, (TERM,))
+    decision = decide(found)
+    assert (decision.verdict, decision.unlisted) == ("identified", None)
+    assert found.odds(found.chosen) > found.odds_unlisted(found.base, ["spot"])
+    assert unlisted_gain(found.chosen, found.setting.priors) < 1.0
+
+
+def test_a_rival_in_states_that_do_not_differ_from_the_model_gains_nothing():
+    given = (*states(0.0)[:1], *with_mass(22, 1.0)[1:])
+    _, common, base = of_base(given)
+    both, one, other = (unlisted_gain(base, common.priors, among) for among in (None, [1], [0]))
+    assert one > both
+    assert one > other + 3.0
+
+
+@pytest.mark.parametrize("of_mass", [False, True])
+def test_derivatives_by_the_direction_are_those_of_differences(of_mass):
+    _, _, base = of_base(states(0.2))
+    change = _change(base.errors, None, of_mass, -1.0)
+    direction, step = np.random.default_rng(2).standard_normal((2, base.errors[0].value.shape[1]))
+    ends = [change.at(direction + sign * 1e-6 * step)[0] for sign in (1.0, -1.0)]
+    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, change.at(direction)[1] @ step, rtol=1e-6, atol=1e-8)
