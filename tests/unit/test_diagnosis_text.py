@@ -222,14 +222,19 @@ def test_partly_explained(share, start):
     )
 
 
-@pytest.mark.parametrize("verdict", ["partly explained", "identified"])
-def test_what_may_be_no_more_than_the_form_of_what_was_found_is_said(verdict):
-    text = sentences(diagnosis(verdict, INERTIA, steps=(BASE, INERTIA, BOTH)))
-    assert (
-        "What is left looks like moving mass at the shaker (stinger_mass), but is so little beside clamp rotary "
-        "inertia (clamp_inertia) that it may come from that acting in another form than the catalogue has it; so it is "
-        "not said to be there."
-    ) in text
+def test_something_unlisted_stands_beside_or_before_what_is_named():
+    either = diagnosis("one of", INERTIA, unlisted="instead")
+    assert "clamp rotary inertia (clamp_inertia); or something that no effect" in sentences(either)[0]
+    assert headline(either).endswith(
+        "clamp rotary inertia; or something that no effect of the catalogue describes."
+    )
+    part = sentences(diagnosis("partly explained", INERTIA, unlisted="beside"))
+    assert any(
+        "no effect of the catalogue describes is clearly more probable than nothing" in t for t in part
+    )
+    none = diagnosis("unlike anything", unlisted="refused", ranking=(INERTIA, BASE))
+    assert "is more probable than any" in sentences(none)[0]
+    assert "is more probable than any" in headline(none)
 
 
 def test_what_is_nearly_as_likely_is_named():

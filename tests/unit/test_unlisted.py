@@ -67,4 +67,6 @@ def test_derivatives_by_the_direction_are_those_of_differences(of_mass):
     change = _change(base.errors, None, of_mass, -1.0)
     direction, step = np.random.default_rng(2).standard_normal((2, base.errors[0].value.shape[1]))
     ends = [change.at(direction + sign * 1e-6 * step)[0] for sign in (1.0, -1.0)]
-    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, change.at(direction)[1] @ step, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(
+        (ends[0] - ends[1]) / 2e-6, change.at(direction)[1] @ step, rtol=1e-6, atol=1e-8
+    )

@@ -58,7 +58,7 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         for name, stated in diagnosis.confounded.items()
     ]
     text += _over_amplitude(diagnosis)
-    text += _further(diagnosis) or _likelier(diagnosis)
+    text += _likelier(diagnosis)
     if diagnosis.point_change is not None:
         text.append(_at_a_point(diagnosis, diagnosis.point_change))
     text += [f"Beware: {sentence}" for sentence in pulled_text(diagnosis.strained)]
@@ -314,19 +314,6 @@ def _remains(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.unlisted == "beside":
         text.append(f"Beside that, {UNLISTED} is clearly more probable than nothing.")
     return [*text, _where(diagnosis)]
-
-
-def _further(diagnosis: Diagnosis) -> list[str]:
-    """Say what the rest looks like where it is too small, beside what was identified, to be named."""
-    reported = {name for effects in diagnosis.set for name in effects}
-    further = [name for name in diagnosis.steps[-1].effects if name not in reported]
-    if not (diagnosis.set and further):
-        return []
-    return [
-        f"What is left looks like {named(diagnosis, further)}, but is so little beside "
-        f"{named(diagnosis, diagnosis.set[0])} that it may come from that acting in another form than the catalogue "
-        "has it; so it is not said to be there."
-    ]
 
 
 def _likelier(diagnosis: Diagnosis) -> list[str]:
