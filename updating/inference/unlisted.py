@@ -51,9 +51,9 @@ class _Change:
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """Whitened errors, quadratic in the coordinates of the fit, of which the cost is the least over these."""
+    """Errors whitened by the matrix `white`; the cost is the least over the coordinates of the fit."""
 
-    root: Vector
+    white: Vector
     value: Vector
     jacobian: Vector
     inverse: Vector
@@ -67,17 +67,13 @@ class _Eliminated:
         answer = self.inverse @ driven
         return 0.5 * float(rest @ rest - driven @ answer), self.jacobian @ answer - rest
 
-    def white(self, errors: Vector) -> Vector:
-        """Return errors (N,) or (N, k) over their covariance."""
-        return np.asarray(la.solve_triangular(self.root, errors, lower=True, check_finite=False))
-
 
 def unlisted_gain(
     explanation: Explanation,
     priors: tuple[SizePrior, SizePrior],
     states: Collection[int] | None = None,
     *,
-    strengths: Sequence[float] = (0.02, 0.06, 0.2),
+    strengths: Sequence[float] = (0.2, 0.06, 0.02),
     n_start: int = 2,
     lowest: float = 0.1,
 ) -> float:
@@ -115,11 +111,15 @@ def unlisted_gain(
     logs = []
     for of_mass, sign in itertools.product((False, True), (1.0, -1.0)):
         change = _change(problem.errors, states, of_mass, sign)
-        begins = _directions(problem, sizes.stiffness, change, sign, n_start)
-        for strength in strengths:
-            for e, log in likely:
-                best = max(_integrated(e, change, v, strength) for v in begins)
-                logs.append(log + e.log + best)
+        by_start = []
+        for at in _directions(problem, sizes.stiffness, change, sign, n_start):
+            direction, of_start = at, []
+            for e, log in likely:  # from small sizes on, where a direction is needed most: 0 is stationary
+                for strength in strengths:
+                    integral, direction = _integrated(e, change, direction, strength)
+                    of_start.append(log + e.log + integral)
+            by_start.append(of_start)
+        logs += np.max(by_start, axis=0).tolist()
     return float(logsumexp(logs) - np.log(4.0 * len(strengths)) - without)
 
 
@@ -144,7 +144,7 @@ def _eliminated(explanation: Explanation, size: float, of_damping: float) -> _El
     pull += problem.beside(explanation.evidence.sizes).sum(axis=0)
     hessian, pull, jacobian = hessian[np.ix_(free, free)], pull[free], jacobian[:, free]
     return _Eliminated(
-        root=root,
+        white=la.solve_triangular(root, np.eye(len(root)), lower=True, check_finite=False),
         value=white[:, 0],
         jacobian=jacobian,
         inverse=np.linalg.inv(hessian),
@@ -185,25 +185,25 @@ def _integrated(
     strength: float,
     *,
     steps: int = 40,
-    small: float = 1e-2,
+    small: float = 0.05,
 ) -> float:
     """Return minus the least cost, integrated over directions about where it is least by Laplace's method."""
     precision, damp = strength**-2.0, 1e-3
 
     def total(v: Vector) -> tuple[float, Vector, Vector]:
         taken, by = change.at(v)
-        cost, gradient = errors.cost(errors.white(taken))
+        cost, gradient = errors.cost(errors.white @ taken)
         return cost + 0.5 * precision * float(v @ v), gradient, by
 
     at, gradient, by = total(direction)
     for _ in range(steps):
-        white = errors.white(by)
+        white = errors.white @ by
         across = errors.jacobian.T @ white
         hessian = white.T @ white - across.T @ errors.inverse @ across + precision * np.eye(direction.size)
         slope = white.T @ gradient + precision * direction
         after = np.inf
         while damp < 1e6:
-            step = -la.solve(hessian + damp * np.diag(np.diag(hessian)), slope, assume_a="pos")
+            step = -np.linalg.solve(hessian + damp * np.diag(np.diag(hessian)), slope)
             after, *rest = total(direction + step)
             if after < at:
                 break
@@ -215,4 +215,4 @@ def _integrated(
         if fall < small:
             break
     log_spread = 0.5 * direction.size * np.log(precision) - 0.5 * float(np.linalg.slogdet(hessian)[1])
-    return -at + log_spread + np.log(2.0)  # a direction and its opposite are one change
+    return -at + log_spread + np.log(2.0), direction  # a direction and its opposite are one change
