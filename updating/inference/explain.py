@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -437,17 +438,66 @@ def outlook(
     numpy.linalg.LinAlgError
         The model has no modes there.
     """
-    coordinates = coordinates_of(model, terms)
-    precision = np.array([c.std**-2.0 for c in coordinates])
-    problem = setting.join(errors_at(model, local, setting, x), x.size)
-    cost = _Cost(precision, sizes)
-    white = problem.weighed(sizes)
-    # Far off, the terms by the noise of shapes are as large as the misfit and curved: errors alone are nearly linear.
-    slope = white.slope + precision * x
-    hessian = white.hessian + np.diag(precision) + problem.curvature
-    to = step_within(slope, hessian, x, coordinates)
+    total, slope, hessian = _looked(model, terms, setting, x, local, sizes)
+    to = step_within(slope, hessian, x, coordinates_of(model, terms))
     step = to - x
-    return -cost.total(problem, white, x) - float(slope @ step + 0.5 * step @ hessian @ step), to
+    return -total - float(slope @ step + 0.5 * step @ hessian @ step), to
+
+
+def descended(
+    model: Model,
+    terms: Sequence[Term],
+    setting: Setting,
+    x: Vector,
+    local: LocalModel,
+    sizes: Sizes,
+    *,
+    steps: int,
+    small: float = 1.0,
+) -> tuple[float, Vector]:
+    """Return the negative cost to which some damped steps lead, and the coordinates there.
+
+    Parameters
+    ----------
+    model, terms, setting, x, local, sizes
+        As `outlook` takes them.
+    steps : int
+        Most steps that are tried; one that raises the cost is not taken.
+    small : float
+        Fall of the cost that ends them.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The model has no modes at `x`.
+    """
+    coordinates = coordinates_of(model, terms)
+    (at, slope, hessian), damp = _looked(model, terms, setting, x, local, sizes), _DAMP
+    for _ in range(steps):
+        trial, after = step_within(slope, hessian, x, coordinates, damp=damp), np.inf
+        with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there: step less far
+            after, *there = _looked(model, terms, setting, trial, local, sizes)
+        if not after < at:
+            damp = max(8.0 * damp, 1e-2)
+            continue
+        fall, at, x, (slope, hessian), damp = at - after, after, trial, there, damp / 5.0
+        if fall < small:
+            break
+    return -at, x
+
+
+def _looked(
+    model: Model, terms: Sequence[Term], setting: Setting, x: Vector, local: LocalModel, sizes: Sizes
+) -> tuple[float, Vector, Vector]:
+    """Return the cost at some coordinates, its slope and its curvature.
+
+    Far off, the terms by the noise of shapes are as large as the misfit and curved: errors alone are nearly linear.
+    """
+    precision = np.array([c.std**-2.0 for c in coordinates_of(model, terms)])
+    problem = setting.join(errors_at(model, local, setting, x), x.size)
+    white = problem.weighed(sizes)
+    hessian = white.hessian + np.diag(precision) + problem.curvature
+    return _Cost(precision, sizes).total(problem, white, x), white.slope + precision * x, hessian
 
 
 def _evidence(

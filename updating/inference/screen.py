@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from updating.inference.discrepancy import Problem, Sizes, joined, roots, whitened
 from updating.inference.equation_error import Errors, equation_errors, scales
-from updating.inference.explain import Setting, coordinates_of, outlook, step_within
+from updating.inference.explain import Setting, coordinates_of, descended, outlook, step_within
 from updating.inference.protocol import Change, Coordinate, LocalModel, Modal, Model, Screen, State, Term
 
 Vector = NDArray[np.float64]
@@ -109,11 +109,12 @@ def screened(
     sizes: Sizes,
     *,
     asked: int = 12,
-    starts_each: int = 3,
-    steps: int = 4,
+    starts_each: int = 4,
+    carried: int = 2,
+    steps: int = 5,
     weak: float = 0.1,
 ) -> dict[str, tuple[float, Vector, LocalModel]]:
-    """Return the negative cost that a few steps with each further term are expected to reach, and where they end.
+    """Return the negative cost that a few steps with each further term reach, and where they end.
 
     The third value is the model that has the term's coordinates alone.
 
@@ -127,9 +128,10 @@ def screened(
         Coordinates of the explanation from which steps are taken; further ones are at their starts.
     asked, starts_each : int
         Number of terms, the best of the screening, that are evaluated with the model itself, and number of starts of
-        each: the best, and the best from each origin.
-    steps : int
-        Most steps that are taken from the best start: what one step promises far off is little more than a rank.
+        each: the best of each place (of coordinates with more than two starts), and the best from each origin.
+    carried, steps : int
+        Starts of a term that are carried on, and damped steps that are tried from each: what one step promises far off
+        is little more than a rank.
     weak : float
         Terms of several coordinates also start at this share of their starts; those of one coordinate at neutral.
     """
@@ -164,23 +166,35 @@ def screened(
         known = np.isfinite(starts[0][0])
         if rank >= asked and known:
             break
-        of_origins = {next(i for i, trial in enumerate(starts) if trial[1] == o) for o in range(len(at))}
-        chosen = sorted({*range(min(starts_each, len(starts))), *of_origins}) if known else range(len(starts))
-        terms, tried = [*present, by_name[name]], list[tuple[float, Vector]]()
-        near = local.of(coordinates_of(model, terms))
-        for _, _, start in (starts[i] for i in chosen):
+        together = coordinates_of(model, [*present, by_name[name]])
+        placed = [i for i, c in enumerate(together) if c.name not in origins[0] and len(c.starts) > 2]
+        terms, near = [*present, by_name[name]], local.of(together)
+        tried = list[tuple[float, Vector]]()
+        for start in _apart(starts, placed, starts_each) if known else [start for *_, start in starts]:
             with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                tried.append(outlook(model, terms, setting, start, near, sizes))
-        if not tried:
-            continue
-        reached[name] = *max(tried, key=lambda trial: trial[0]), near
-        with contextlib.suppress(np.linalg.LinAlgError, ValueError):
-            for _ in range(steps - 1):
-                before, to, _ = reached[name]
-                reached[name] = *outlook(model, terms, setting, to, near, sizes), near
-                if abs(reached[name][0] - before) < 1.0:
-                    break
+                tried.append((outlook(model, terms, setting, start, near, sizes)[0], start))
+        tried.sort(key=lambda trial: -trial[0])
+        ends = [
+            descended(model, terms, setting, start, near, sizes, steps=steps)
+            for _, start in tried[: carried if placed else 1]
+        ]
+        if ends:
+            reached[name] = *max(ends, key=lambda end: end[0]), near
     return reached
+
+
+def _apart(starts: Sequence[tuple[float, int, Vector]], placed: Sequence[int], n: int) -> list[Vector]:
+    """Return the best start of each of the `n` best places, or the `n` best, and the best from each origin.
+
+    `starts` hold what each is expected to reach, its origin and its coordinates, the best first; the coordinates
+    `placed` say a place.
+    """
+    chosen = dict[tuple[float, ...], Vector]()
+    for i, (_, _, start) in enumerate(starts):
+        chosen.setdefault(tuple(start[placed]) if placed else (i,), start)
+    of_origin = {origin: start for _, origin, start in reversed(starts)}
+    best = [*list(chosen.values())[:n], *of_origin.values()]
+    return [start for i, start in enumerate(best) if not any(start is other for other in best[:i])]
 
 
 def _expected(

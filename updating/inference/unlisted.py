@@ -186,8 +186,8 @@ def _integrated(
     *,
     steps: int = 40,
     small: float = 0.05,
-) -> float:
-    """Return minus the least cost, integrated over directions about where it is least by Laplace's method."""
+) -> tuple[float, Vector]:
+    """Return minus the least cost, integrated over directions about the best by Laplace's method, and this."""
     precision, damp = strength**-2.0, 1e-3
 
     def total(v: Vector) -> tuple[float, Vector, Vector]:
@@ -215,4 +215,4 @@ def _integrated(
         if fall < small:
             break
     log_spread = 0.5 * direction.size * np.log(precision) - 0.5 * float(np.linalg.slogdet(hessian)[1])
-    return -at + log_spread + np.log(2.0), direction  # a direction and its opposite are one change
+    return float(-at + log_spread + np.log(2.0)), direction  # a direction and its opposite are one change
