@@ -20,7 +20,7 @@ from updating.diagnosis.nuisance_text import misstated, pulled_text
 from updating.diagnosis.text import next_command, second_level_text, sentences
 from updating.fitting.fit import ParameterEstimate
 from updating.report.answer import headline
-from updating.results.text import interval_text, percent, quantity, together
+from updating.results.text import in_percent, interval_text, percent, quantity, together
 
 NAN = float("nan")
 LABELS = {
@@ -539,6 +539,11 @@ def test_the_ends_of_an_interval_are_in_the_unit_of_the_value():
 )  # fmt: skip
 def test_shares_are_percent_with_two_digits(share, text):
     assert percent(share) == text
+
+
+@pytest.mark.parametrize(("share", "text"), [(1.18, "118"), (0.0106, "1.1"), (NAN, "-")])
+def test_a_column_of_percent_has_plain_numbers(share, text):
+    assert in_percent(share) == text
 
 
 def test_an_interval_says_what_must_be_said_of_it():

@@ -16,7 +16,7 @@ from updating.report.change_part import mode_changes, mode_picture, step_picture
 from updating.report.ledger_part import APART
 from updating.report.part import Opening, Picture, Section, Table
 from updating.report.results import Results, Tested
-from updating.results.text import Z95, estimate_text, percent, quantity, together
+from updating.results.text import Z95, estimate_text, in_percent, percent, quantity, together
 
 _TONE: dict[Verdict, str] = {
     "nothing missing": "good",
@@ -404,8 +404,8 @@ def explanation_table(results: Results) -> Table:
                 " + ".join(labels.get(e, e) for e in explanation.effects) or "none",
                 f"{explanation.probability:.3f}",
                 f"{100 * explanation.explained:.0f}",
-                f"{100 * explanation.frequency_error:.2g}",
-                f"{100 * explanation.left_out_error:.2g}",
+                in_percent(explanation.frequency_error),
+                in_percent(explanation.left_out_error),
                 "; ".join(
                     f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}){'' if p.unit == '1' else ' ' + p.unit}"
                     for p in explanation.parameter

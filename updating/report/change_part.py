@@ -177,13 +177,14 @@ def step_chart(way: Sequence[Step]) -> Chart:
     for key, (label, color) in _ERRORS.items():
         value = [getattr(step, key) for step in way]
         fall = [100.0 * (after - before) for before, after in itertools.pairwise(value)]
+        steps = [f"{'+' if f > 0.0 else ''}{percent(0.01 * f)}" for f in fall]
         marker = {"color": color}
         traces.append(
             {
                 "type": "waterfall", "name": label, "offsetgroup": key, "x": names,
                 "measure": ["absolute", *("relative" for _ in fall), "total"],
                 "y": [100.0 * value[0], *fall, 0.0],
-                "text": [percent(value[0]), *(f"{f:+.2g} %" for f in fall), percent(value[-1])],
+                "text": [percent(value[0]), *steps, percent(value[-1])],
                 "textposition": ["outside", *("inside" for _ in fall), "outside"], "insidetextanchor": "middle",
                 "cliponaxis": False, "hoverinfo": "name+text",
                 "increasing": {"marker": marker}, "decreasing": {"marker": {**marker, "line": {"width": 0}}},

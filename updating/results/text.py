@@ -72,6 +72,11 @@ def percent(share: float) -> str:
     return f"{100.0 * share:#.2g} %".replace(". %", " %")
 
 
+def in_percent(share: float) -> str:
+    """Write a share in percent, for a column of them, with two digits; a dash where it is not known."""
+    return percent(share).removesuffix(" %") if np.isfinite(share) else "-"
+
+
 def quantity(value: float, unit: str, beside: float | None = None) -> str:
     """Write a value with three digits and a prefixed unit, such as 35 MPa, or with the unit of a value `beside` it."""
     if unit in ("", "1"):
