@@ -168,8 +168,16 @@ def test_a_large_mass_is_closer_once_the_answer_of_the_structure_is_in(nodes, st
     ours = Measured(weight=weight, eigenvalue=value, scale=scale)
     kind = next(own for own in kinds() if own.name == "added_mass")
     candidates = kind.candidates(nodes, place)
-    change = Condensed(types.SimpleNamespace(structure=nodes, ours=ours)).change(kind, candidates, 0)
-    left = error + change(np.array([size]))[0].reshape(error.shape)
+    latent = types.SimpleNamespace(
+        scale=scale, gap=(value[:, None] - first) / scale, weight=weight, eigenvalue=value,
+        sure=np.full(value.size, 1e6), modal=types.SimpleNamespace(rows=nodes.vectors), shape=vector.T,
+    )  # fmt: skip
+    at = types.SimpleNamespace(
+        structure=nodes, ours=ours, sensors=[sp.eye_array(len(vector))], n_reference=0,
+        joint=types.SimpleNamespace(errors=[types.SimpleNamespace(eigenvalue=value, latent=latent)]),
+    )  # fmt: skip
+    change = Condensed(at).change(kind, candidates, 0)
+    left = np.hstack([mode.usual for mode in change.modes]) + change(np.array([size]))[0]
     taken = error + size * Actions(ours).of(candidates)[0]
     assert np.linalg.norm(taken) > 5e-3 * np.linalg.norm(error)
     assert np.linalg.norm(left) < 0.4 * np.linalg.norm(taken)
