@@ -27,13 +27,18 @@ def lowest(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the same of two sparse matrices."""
     shift = -((2.0 * np.pi * hertz) ** 2)
+    inverse = shifted_inverse(stiffness, mass, shift)
+    square, vector = sla.eigsh(stiffness, n, mass, sigma=shift, OPinv=inverse)
+    order = np.argsort(square)
+    return np.sqrt(np.abs(square[order])) / (2.0 * np.pi), vector[:, order]
+
+
+def shifted_inverse(stiffness: sp.sparray, mass: sp.sparray, shift: float) -> sla.LinearOperator:
+    """Return the inverse of K - shift M, which is positive definite, by SuperLU in its symmetric mode."""
     factor = sla.splu(
         (stiffness - shift * mass).tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )
-    inverse = sla.LinearOperator(stiffness.shape, matvec=factor.solve)
-    square, vector = sla.eigsh(stiffness, n, mass, sigma=shift, OPinv=inverse)
-    order = np.argsort(square)
-    return np.sqrt(np.abs(square[order])) / (2.0 * np.pi), vector[:, order]
+    return sla.LinearOperator(stiffness.shape, matvec=factor.solve)

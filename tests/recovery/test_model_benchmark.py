@@ -13,6 +13,7 @@ import scipy.sparse.linalg as splinalg
 import model
 from model.contact.contact import tangential_krons
 from model.modes.refinement import residual_error
+from tests.full_matrices import shifted_inverse
 
 pytestmark = pytest.mark.benchmark
 
@@ -78,13 +79,7 @@ def frequencies(system: model.ReducedSystem) -> np.ndarray:
 def by_superlu(stiffness, mass) -> np.ndarray:
     """Return elastic frequencies by ARPACK with a SuperLU factor in its symmetric mode."""
     sigma = -1e6
-    factor = splinalg.splu(
-        (stiffness - sigma * mass).tocsc(),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    inverse = splinalg.LinearOperator(stiffness.shape, matvec=factor.solve)
+    inverse = shifted_inverse(stiffness, mass, sigma)
     values = splinalg.eigsh(
         stiffness, N_MODE, mass, sigma=sigma, OPinv=inverse, return_eigenvectors=False, tol=1e-12
     )

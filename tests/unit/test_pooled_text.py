@@ -209,7 +209,7 @@ def test_a_specimen_leads_to_its_torques_and_the_odd_one_is_marked():
     assert table.link == ("#specimen-s1", "#specimen-s2", "#specimen-s3")
     assert [own.anchor for own in each] == ["specimen-s1", "specimen-s2", "specimen-s3"]
     modes, contact = each[0].blocks
-    assert modes.rows == (("M1", "400.0", "432.0", "+8.00", "400.8", "+0.200", "1", "2", "1.1"),)
+    assert modes.rows == (("M1", "400.0", "432.0", "+8.00", "400.8", "+0.200", "1.0", "2.0", "1.1"),)
     assert [row[0] for row in contact.rows] == ["M1", "M2"]
     errors, stiffness, _ = overview.pictures
     assert errors.data.splitlines()[2] == "S2,glued,0.08,0.002,0.003,adhesive_edges"

@@ -45,6 +45,19 @@ def test_what_only_resembles_the_hidden_is_not_named(monkeypatch):
     assert search(model, common, base, say=lambda _: None).chosen.terms == ("spot",)
 
 
+def test_what_is_left_of_several_terms_is_weighed_against_the_rival_too(monkeypatch):
+    """The step to several terms was weighed; a part of them that remains was not."""
+    model, common, base = of_base(with_mass(10, 1.0))
+    monkeypatch.setattr(Search, "helps", lambda *_: True)
+    part = frozenset({"spot"})
+    monkeypatch.setattr(
+        "updating.inference.search._needed", lambda model, common, among, fitted, chosen: fitted[part]
+    )
+    found = search(model, common, base, say=lambda _: None)
+    assert found.refused
+    assert found.chosen.terms == ()
+
+
 def test_the_right_term_beats_the_rival_and_leaves_nothing_to_it():
     found = searched(0.4, (TERM,))
     decision = decide(found)

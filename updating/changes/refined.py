@@ -80,7 +80,6 @@ class Condensed:
                 steps.append(
                     _Mode(errors.latent, r, s[:m, :m], mu[used], answers[used], rows @ turn[:, used])
                 )
-
         return Change(steps)
 
     def _around(
@@ -153,9 +152,8 @@ class _Mode:
     def __init__(
         self, latent: Latent, r: int, within: Vector, mu: Vector, answers: Vector, seen: Vector
     ) -> None:
-        self.within, self.mu, self.answers, self.scale, self.gap = (
-            within, mu, answers, latent.scale[r], latent.gap[r],
-        )  # fmt: skip
+        self.within, self.mu, self.answers = within, mu, answers
+        self.scale, self.gap = latent.scale[r], latent.gap[r]
         self.weight, self.eigenvalue = latent.weight[r], float(latent.eigenvalue[r])
         self.sure, m = float(latent.sure[r]), len(within)
         every = np.hstack([latent.modal.rows, seen])

@@ -99,11 +99,7 @@ def named(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
 def further_effects(diagnosis: Diagnosis) -> tuple[tuple[str, ...], ...]:
     """Return what further explanations add, where all that are left hold all of the first; else nothing."""
     first, *others = diagnosis.set
-    if (
-        not others
-        or diagnosis.unlisted == "instead"
-        or not all(set(first) < set(effects) for effects in others)
-    ):
+    if diagnosis.unlisted == "instead" or not all(set(first) < set(effects) for effects in others):
         return ()
     return tuple(tuple(e for e in effects if e not in first) for effects in others)
 

@@ -219,6 +219,12 @@ def shared_levels(paths: Sequence[tuple[str, ...]], shares: Sequence[float]) -> 
     return common
 
 
+def rotation(into: Errors, of: Errors) -> Vector:
+    """Return the rotation, (m, m), by which modal coordinates of one state are those of another, from their modes."""
+    u, _, v = la.svd(into.shape.T @ of.shape)
+    return np.asarray(u @ v)
+
+
 def joined(errors: Sequence[Errors], common: Vector) -> Problem:
     """Join the errors of all states; `common` (n_state, n_state) holds the shares of the discrepancy in common.
 
@@ -230,10 +236,7 @@ def joined(errors: Sequence[Errors], common: Vector) -> Problem:
     discrepancy, of_damping = np.zeros((n, m, n, m)), np.zeros((n, n))
     for c, errors_c in enumerate(errors):
         for d, errors_d in enumerate(errors[: c + 1]):
-            turn = np.eye(m)
-            if c != d:
-                u, _, v = la.svd(errors_c.shape.T @ errors_d.shape)
-                turn = u @ v
+            turn = np.eye(m) if c == d else rotation(errors_c, errors_d)
             # Each in the coordinates of the other state.
             forth, back = errors_c.weight @ turn, errors_d.weight @ turn.T
             dot = forth @ errors_d.weight.T

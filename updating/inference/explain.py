@@ -494,8 +494,7 @@ def _looked(
     Far off, the terms by the noise of shapes are as large as the misfit and curved: errors alone are nearly linear.
     """
     precision = np.array([c.std**-2.0 for c in coordinates_of(model, terms)])
-    problem = setting.join(errors_at(model, local, setting, x), x.size)
-    white = problem.weighed(sizes)
+    _, problem, white = _weighed_at(model, local, setting, x, sizes)
     hessian = white.hessian + np.diag(precision) + problem.curvature
     return _Cost(precision, sizes).total(problem, white, x), white.slope + precision * x, hessian
 

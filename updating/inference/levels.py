@@ -11,7 +11,8 @@ SEPARATE = math.log(100.0)
 """Logarithm of the ratio of probabilities from which two explanations can be told apart: the plausible ranges of
 parameters are known to a factor of some ten each."""
 MISSING = 0.5
-"""Prior probability that a model lacks something; the terms of the catalogue share it."""
+"""Prior probability that a model lacks something; the terms of the catalogue share it, and something that none of them
+describes has as much."""
 FALLS = 0.9
 """Ratio of left-out errors, after over before, below which an explanation predicts better."""
 RISES = 1.02

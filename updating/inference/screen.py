@@ -170,7 +170,7 @@ def screened(
         placed = [i for i, c in enumerate(together) if c.name not in origins[0] and len(c.starts) > 2]
         terms, near = [*present, by_name[name]], local.of(together)
         tried = list[tuple[float, Vector]]()
-        for start in _apart(starts, placed, starts_each) if known else [start for *_, start in starts]:
+        for start in _best_starts(starts, placed, starts_each) if known else [start for *_, start in starts]:
             with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
                 tried.append((outlook(model, terms, setting, start, near, sizes)[0], start))
         tried.sort(key=lambda trial: -trial[0])
@@ -183,7 +183,7 @@ def screened(
     return reached
 
 
-def _apart(starts: Sequence[tuple[float, int, Vector]], placed: Sequence[int], n: int) -> list[Vector]:
+def _best_starts(starts: Sequence[tuple[float, int, Vector]], placed: Sequence[int], n: int) -> list[Vector]:
     """Return the best start of each of the `n` best places, or the `n` best, and the best from each origin.
 
     `starts` hold what each is expected to reach, its origin and its coordinates, the best first; the coordinates

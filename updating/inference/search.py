@@ -296,8 +296,9 @@ def search(
             if odds(at) > fewer and odds(pool[0]) - odds(at) < behind:
                 extend(at)
     chosen = _needed(model, common, among, fitted, chosen)
-    if chosen.terms and not among.helps(chosen, among.base):  # what it was chosen with is not needed
-        chosen = among.base
+    helps = among.helps(chosen, among.base)  # what it was chosen with may not be needed
+    if chosen.terms and not (helps and _listed(among, chosen, among.base)):
+        chosen, refused = among.base, refused or helps
     for names in map(frozenset, asked):
         if names and names not in fitted:
             fitted[names] = _from_parts(model, common, fitted, [terms[n] for n in names])

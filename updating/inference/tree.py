@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.inference.discrepancy import OF_MASS, Sizes, Weighed, shared_levels
+from updating.inference.discrepancy import OF_MASS, Sizes, Weighed, rotation, shared_levels
 from updating.inference.equation_error import Errors
 
 Vector = NDArray[np.float64]
@@ -370,10 +370,8 @@ def tree_problem(errors: Sequence[Errors], tree: Tree, n_coordinate: int) -> Tre
     damping_jacobian = []
     for of_state in errors:
         touched = everything if of_state.touched is None else of_state.touched
-        turn = np.eye(of_state.value.shape[1])
-        if of_state is not errors[0]:
-            u, _, v = la.svd(errors[0].shape.T @ of_state.shape)
-            turn = u @ v
+        first = of_state is errors[0]
+        turn = np.eye(of_state.value.shape[1]) if first else rotation(errors[0], of_state)
         turned.append(of_state.weight @ turn.T)
         leaves.append(_leaf_of(of_state, turn, turned[-1], touched))
         curvature[np.ix_(touched, touched)] += of_state.curvature.sum(axis=0)

@@ -18,7 +18,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from updating.inference.discrepancy import Problem, SizePrior
+from updating.inference.discrepancy import SizePrior, Sizes, roots, rotation, whitened
 from updating.inference.equation_error import Errors
 from updating.inference.explain import Explanation
 from updating.inference.tree import TreeProblem
@@ -51,7 +51,11 @@ class _Change:
 
 @dataclass(frozen=True, eq=False)
 class _Eliminated:
-    """Errors whitened by the matrix `white`; the cost is the least over the coordinates of the fit."""
+    """Errors whitened by the matrix `white`, with derivatives by the coordinates of the fit, which are eliminated.
+
+    `pull` is the gradient of all other parts of the cost by these, `inverse` that of the Hessian of the whole, and
+    `log` half the logarithm of what both determinants add to the density.
+    """
 
     white: Vector
     value: Vector
@@ -103,16 +107,18 @@ def unlisted_gain(
         return -np.inf
     grid = priors[0].grid
     near = (grid > lowest * sizes.stiffness) & (grid < 1.5 * sizes.stiffness)
+    beside = problem.beside(sizes).sum(axis=0)
     likely = [
-        (_eliminated(explanation, size, sizes.damping), log)
+        (_eliminated(explanation, Sizes(stiffness=float(size), damping=sizes.damping), beside), log)
         for size, log in zip(grid[near], priors[0].log_density[near], strict=True)
     ]
     without = logsumexp([log + e.log - e.cost(np.zeros(e.value.size))[0] for e, log in likely])
+    pull = la.cho_solve((roots(problem, sizes)[0], True), problem.value)
     logs = []
     for of_mass, sign in itertools.product((False, True), (1.0, -1.0)):
         change = _change(problem.errors, states, of_mass, sign)
         by_start = []
-        for at in _directions(problem, sizes.stiffness, change, sign, n_start):
+        for at in _directions(sizes.stiffness**2 * pull, change, n_start):
             direction, of_start = at, []
             for e, log in likely:  # from small sizes on, where a direction is needed most: 0 is stationary
                 for strength in strengths:
@@ -123,58 +129,47 @@ def unlisted_gain(
     return float(logsumexp(logs) - np.log(4.0 * len(strengths)) - without)
 
 
-def _eliminated(explanation: Explanation, size: float, of_damping: float) -> _Eliminated:
-    problem = explanation.problem
-    free = ~explanation.at_bound
+def _eliminated(explanation: Explanation, sizes: Sizes, beside: Vector) -> _Eliminated:
+    """Eliminate the coordinates of a fit at given sizes; `beside` is as `Problem.beside` has it, of all modes."""
+    problem, free, n = explanation.problem, ~explanation.at_bound, explanation.problem.value.size
     precision = np.array([c.std**-2.0 for c in explanation.coordinates])
-    root = la.cholesky(problem.noise + size**2 * problem.discrepancy, lower=True, check_finite=False)
-    white = la.solve_triangular(
-        root, np.column_stack([problem.value, problem.jacobian]), lower=True, check_finite=False
-    )
-    damped = la.cholesky(
-        problem.damping_noise + of_damping**2 * problem.damping_discrepancy, lower=True, check_finite=False
-    )
-    damping = la.solve_triangular(
-        damped, np.column_stack([problem.damping, problem.damping_jacobian]), lower=True, check_finite=False
-    )
-    jacobian = white[:, 1:]
-    hessian = jacobian.T @ jacobian + damping[:, 1:].T @ damping[:, 1:]
-    hessian += np.diag(precision + 1e-12) + problem.curvature
-    pull = damping[:, 1:].T @ damping[:, 0] + precision * explanation.x
-    pull += problem.beside(explanation.evidence.sizes).sum(axis=0)
-    hessian, pull, jacobian = hessian[np.ix_(free, free)], pull[free], jacobian[:, free]
+    factors = roots(problem, sizes)
+    value, jacobian, log = whitened(problem, sizes, factors)  # of equations, then of damping
+    hessian = jacobian.T @ jacobian + np.diag(precision + 1e-12) + problem.curvature
+    hessian = hessian[np.ix_(free, free)]
+    pull = jacobian[n:].T @ value[n:] + precision * explanation.x + beside
     return _Eliminated(
-        white=la.solve_triangular(root, np.eye(len(root)), lower=True, check_finite=False),
-        value=white[:, 0],
-        jacobian=jacobian,
-        inverse=np.linalg.inv(hessian),
-        pull=pull,
-        log=-float(np.sum(np.log(np.diag(root)))) - 0.5 * float(np.linalg.slogdet(hessian)[1]),
+        white=la.solve_triangular(factors[0], np.eye(n), lower=True, check_finite=False),
+        value=value[:n],
+        jacobian=jacobian[:n, free],
+        inverse=np.asarray(np.linalg.inv(hessian), dtype=np.float64),
+        pull=pull[free],
+        log=-log - 0.5 * float(np.linalg.slogdet(hessian)[1]),
     )
 
 
 def _change(errors: Sequence[Errors], states: Collection[int] | None, of_mass: bool, sign: float) -> _Change:
+    """Return a change of the mass, or of the stiffness, with a sign, in some states or in all."""
     turns, scales = list[Vector](), list[Vector]()
     for c, e in enumerate(errors):
-        u, _, v = la.svd(errors[0].shape.T @ e.shape)
-        turns.append(u @ v if c else np.eye(e.value.shape[1]))
+        turns.append(rotation(errors[0], e) if c else np.eye(e.value.shape[1]))
         has = sign if states is None or c in states else 0.0
         scales.append(has * (e.inertia if of_mass else np.ones_like(e.value)))
     return _Change(tuple(turns), tuple(e.weight for e in errors), tuple(scales))
 
 
-def _directions(problem: Problem, size: float, change: _Change, sign: float, n: int) -> list[Vector]:
-    """Return the strongest directions of a sign in the mean of the discrepancy's symmetric matrix, given all errors."""
-    m = problem.errors[0].value.shape[1]
-    pull = la.solve(problem.noise + size**2 * problem.discrepancy, problem.value, assume_a="pos").reshape(
-        -1, m
-    )
-    total, first = np.zeros((m, m)), 0
+def _directions(pull: Vector, change: _Change, n: int) -> list[Vector]:
+    """Return the strongest directions of a change in the mean of the discrepancy's symmetric matrix, given all errors.
+
+    `pull` holds the errors over their covariance, times the variance of a discrepancy.
+    """
+    m = len(change.turns[0])
+    by_mode, total, first = pull.reshape(-1, m), np.zeros((m, m)), 0
     for turn, weight, scale in zip(change.turns, change.weights, change.scales, strict=True):
-        n_mode = len(weight)
-        total += turn @ (sign * scale * pull[first : first + n_mode]).T @ weight @ turn.T
-        first += n_mode
-    value, vector = la.eigh(size**2 * sign * (total + total.T))
+        here = slice(first, first + len(weight))
+        total += turn @ (scale * by_mode[here]).T @ weight @ turn.T
+        first = here.stop
+    value, vector = la.eigh(total + total.T)
     return [vector[:, -i] * np.sqrt(max(value[-i], 1e-6)) for i in range(1, n + 1)]
 
 

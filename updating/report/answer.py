@@ -111,9 +111,12 @@ def headline(diagnosis: Diagnosis) -> str:
             f"{percent(base.frequency_error)} in the mean."
         )
     if diagnosis.verdict == "unlike anything":
+        why = "no effect makes it predict better"
+        if diagnosis.unlisted == "refused":
+            why = f"{UNLISTED} is more probable than any of them"
         return (
             "The model lacks something that is unlike anything in the catalogue: its frequencies are off by "
-            f"{percent(base.frequency_error)} in the mean, and {_why_none(diagnosis)}."
+            f"{percent(base.frequency_error)} in the mean, and {why}."
         )
     named = [together([diagnosis.labels.get(e, e) for e in effects]) for effects in diagnosis.set]
     if diagnosis.verdict == "one of" and (beside := further_effects(diagnosis)):
@@ -141,13 +144,6 @@ def headline(diagnosis: Diagnosis) -> str:
     if set(answer.effects) <= set(diagnosis.measurement):
         return f"Not the model but the measurement is wrong, in {named[0]}: {fall}."
     return f"What the model lacks is {named[0]}: {fall}."
-
-
-def _why_none(diagnosis: Diagnosis) -> str:
-    """Say why no effect is named."""
-    if diagnosis.unlisted == "refused":
-        return f"{UNLISTED} is more probable than any of them"
-    return "no effect makes it predict better"
 
 
 def _after_diagnosis(results: Results, diagnosis: Diagnosis) -> tuple[str, str]:

@@ -12,13 +12,12 @@ from updating.report.chart import Chart, axis, charted, legend_above
 from updating.report.part import Picture, Section, Table, as_csv
 from updating.results.pooled import (
     SPECIMEN_HEADER,
-    UNKNOWN,
     PooledDiagnosis,
     SpecimenAnswer,
     contact_cells,
     specimen_row,
 )
-from updating.results.text import interval_text
+from updating.results.text import in_percent, interval_text
 
 Contact = Literal["G_f", "d_f"]
 
@@ -125,9 +124,9 @@ def _mode_table(specimen: SpecimenAnswer) -> Table:
                 _error(mode.base_frequency / mode.frequency),
                 f"{mode.model_frequency:.1f}",
                 _error(mode.model_frequency / mode.frequency),
-                _percent(mode.damping),
-                _percent(mode.base_damping),
-                _percent(mode.model_damping),
+                in_percent(mode.damping),
+                in_percent(mode.base_damping),
+                in_percent(mode.model_damping),
             )
             for mode in specimen.modes
         ),
@@ -139,10 +138,6 @@ def _mode_table(specimen: SpecimenAnswer) -> Table:
 def _error(ratio: float) -> str:
     percent = 100.0 * (ratio - 1.0)
     return f"{percent:+.2f}" if abs(percent) >= 1.0 else f"{percent:+.3f}"
-
-
-def _percent(damping: float) -> str:
-    return UNKNOWN if np.isnan(damping) else f"{100.0 * damping:.2g}"
 
 
 def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:

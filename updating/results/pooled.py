@@ -10,7 +10,7 @@ import numpy as np
 
 from updating.fitting.fit import ParameterEstimate
 from updating.inference.levels import NAMED
-from updating.results.text import interval_text, percent
+from updating.results.text import in_percent, interval_text, percent
 
 LevelKind = Literal["rig", "group", "specimen"]
 
@@ -452,9 +452,9 @@ def specimen_row(specimen: SpecimenAnswer) -> tuple[str, ...]:
         specimen.name,
         str(specimen.n_mode),
         *contact_cells(specimen),
-        f"{100.0 * specimen.base_error:.2g}",
-        f"{100.0 * specimen.error:.2g}",
-        f"{100.0 * specimen.left_out_error:.2g}",
+        in_percent(specimen.base_error),
+        in_percent(specimen.error),
+        in_percent(specimen.left_out_error),
         ", ".join(specimen.odd),
     )
 
