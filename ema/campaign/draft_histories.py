@@ -216,7 +216,7 @@ def of_motions_alone(files: Set) -> bool:
 
 
 def _are_motions(titles: list[str], count: int) -> NDArray[np.bool_]:
-    """Tell of channels whether titles state the unit or the name of a motion: no force, whatever its form."""
+    """Tell whether the title of each channel states the unit or the name of a motion, so that it is no force."""
     if len(titles) != count:
         return np.zeros(count, dtype=bool)
     units = [_unit(title) for title in titles]

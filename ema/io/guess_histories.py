@@ -127,7 +127,7 @@ def _common(names: list[str]) -> str:
 
 
 def _starred(name: str, axes: list[str], guesses: list[str]) -> list[str]:
-    """Return what the axes are that each * of a name stands for: points, where it says so, else hits."""
+    """Return the axis that each * of a name stands for: points where the name says so, else hits."""
     parts = [part for part in re.split(r"[./]", name) if "*" in part]
     kinds = [
         "run" if re.search(_OF_POINTS, part, re.IGNORECASE) or "hit" in axes else "hit" for part in parts
@@ -151,7 +151,7 @@ def _runs(name: str, axes: list[str], every: tuple[str, ...], records: _Records)
 
 
 def _time(arrays: _Records) -> str | None:
-    """Return the variable of the times: a vector that ascends and is called so."""
+    """Return the variable that holds the times: a vector that ascends and has a name of times."""
     for name, value in arrays.items():
         vector = value.size == max(value.shape, default=0) >= _FEWEST_SAMPLES and not np.iscomplexobj(value)
         if vector and _TIME.search(field_of(name)) and np.all(np.diff(value.ravel().astype(float)) >= 0):
@@ -160,7 +160,7 @@ def _time(arrays: _Records) -> str | None:
 
 
 def _sampling(arrays: _Records, guesses: list[str]) -> dict[str, Any]:
-    """Return the key of the sampling rate: the variable that is called so, or the number that a time step gives."""
+    """Return the key of the sampling rate: a variable with such a name, or the number that a time step gives."""
     numbers = {name: float(v.flat[0]) for name, v in arrays.items() if v.size == 1 and not np.iscomplexobj(v)}
     for name, value in numbers.items():
         if RATE.search(field_of(name)) and not _TIME_STEP.search(field_of(name)) and value > 1.0:
@@ -188,12 +188,12 @@ def _records(arrays: _Records, of_time: str | None, n_sample: int | None) -> lis
 
 
 def _ascends(value: NDArray[Any]) -> bool:
-    """Whether a vector ascends, as frequencies do."""
+    """Tell whether a vector ascends, as frequencies do."""
     return value.size == max(value.shape) and bool(np.all(np.diff(value.ravel().astype(float)) > 0))
 
 
 def _has_pulse(value: NDArray[np.float64], n_sample: int, *, fewest_of_a_pulse: int = 512) -> bool:
-    """Whether some record of an array is at rest but for a short pulse, which no mode shape or spectrum of few is.
+    """Tell whether some record of an array is at rest but for a short pulse, which no mode shape or spectrum of few is.
 
     `fewest_of_a_pulse`: samples of a record of which nothing but a pulse tells that it is one.
     """
@@ -283,7 +283,7 @@ def _flat(share: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
 
 
 def _first_is_time(value: NDArray[np.float64], axes: list[str], *, longest_sample: float = 2e-3) -> bool:
-    """Whether the first channel ascends in steps that are those of a time.
+    """Tell whether the first channel ascends in steps that are those of a time.
 
     `longest_sample`: S, of a first channel that is taken for the time without being called so.
     """
