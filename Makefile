@@ -72,7 +72,7 @@ fuzz: $(READY)
 	$(BIN)/python -m tests.recovery.fuzz --minutes $(MINUTES) --corpus out/fuzz
 
 published: $(READY)
-	$(BIN)/lamella published -o out/published
+	$(BIN)/python -m tests.studies.published -o out/published
 
 clean:
 	rm -rf $(VENV) build dist out docs/auto_examples docs/reference *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -101,5 +101,5 @@ axes.set_ylabel("mean accelerance [m/s² per N]")
 axes.legend(frameon=False)
 
 # %%
-# ``lamella published`` goes on: all 18 stacks, four calibrations, an effect that they share, each stack predicted from
+# ``make published`` goes on: all 18 stacks, four calibrations, an effect that they share, each stack predicted from
 # the others. :doc:`/published` says what came out.

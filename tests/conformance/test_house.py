@@ -13,7 +13,7 @@ FOLDERS = {
     "model": ("stack", "elements", "contact", "solvers", "reduction", "matrices", "modes", "effects", "plot"),
     "updating": (
         "workers", "inference", "correlation", "fitting", "results", "diagnosis", "changes", "pooled", "virtual",
-        "published", "report", "workbench", "commands",
+        "report", "workbench", "commands",
     ),
 }  # fmt: skip
 """Folders of each package by the way of the data: each imports only from itself and from those before it."""

@@ -30,14 +30,11 @@ def carried():
     }
 
 
-def test_the_demo_and_the_published_tables_are_carried():
+def test_the_demo_is_carried():
     found = {f"{place}/{file.name}" for place, file in carried()}
-    for name, left in (("demo_diagnosis", {"truth.json"}), ("pirnat2013", set())):
-        files = {
-            file for file in (ROOT / "data" / name).rglob("*") if file.is_file() and file.name not in left
-        }
-        here = {f"share/lamella/{file.relative_to(ROOT / 'data').as_posix()}" for file in files}
-        assert here <= found
+    folder = ROOT / "data/demo_diagnosis"
+    files = {file for file in folder.rglob("*") if file.is_file() and file.name != "truth.json"}
+    assert {f"share/lamella/{file.relative_to(ROOT / 'data').as_posix()}" for file in files} <= found
     assert not any("truth" in name for name in found)
 
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from updating.published.campaign import (
+from tests.studies.published.campaign import (
     base_rows,
     fit_shared,
     prepare_published,
     read_published,
     reproduce,
 )
-from updating.published.tables import TARGET
+from tests.studies.published.tables import TARGET
 
 SOME = ("6", "12", "18")
 DATA = read_published(Path(__file__).parents[2] / "data/pirnat2013")

@@ -263,8 +263,6 @@ TABLE = {
     # a file for another purpose
     "stack for a virtual test": ("simulate stack.toml", untouched,
                                  ["shaker: this key is missing", "n_lamina: unknown key; Allowed: campaign"]),
-    "campaign for a table": ("published --data .", lambda f: shutil.copy(f / "campaign.toml", f / "table7.toml"),
-                             ["modal_table: this key is missing"]),
     "folder without results": ("report .", untouched, ["no campaign.json", "lamella fit"]),
     # names that no file can have
     "name of a run that is too long": ("ema campaign.toml", campaign('"run_*.csv"', f'"{"9" * 5000}"'),
@@ -326,12 +324,9 @@ TABLE = {
     "effect file without end": ("model stack.toml --effect-file mine.py", holds("mine.py", "x = 1"),
                                 ["mine.py: has no EFFECT"]),
     "configuration": ("pick campaign.toml M2", untouched, ["no configuration 'M2'; Allowed: M1"]),
-    "bytes in a published table": ("published --data .", published("table7_frequencies_320kPa.csv", b"364", b"\xff"),
+    "bytes in a published table": ("fit table7.toml", published("table7_frequencies_320kPa.csv", b"364", b"\xff"),
                                   ["table7_frequencies_320kPa.csv", "utf-8"]),
-    "cells without a column": ("published --data .",
-                               published("table6_contact_parameters.csv", b",6e-11", b",6e-11,,,,"),
-                               ["cannot read the published tables"]),
-    "calibration": (f"published --data {PUBLISHED} --calibration C9", untouched, ["C9"]),
+    "effects of a table": (f"fit {PUBLISHED}/table7.toml --effect fill_factor", untouched, ["lamella update"]),
     "names of one folder": ("ema campaign.toml", campaign("[identification]", SECOND),
                             ["'M1' and 'm1' would both be written to the folder m1"]),
     # impossible values

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from updating.published.treatments import Shift, Treatment, slope, together, treatments_csv
+from tests.studies.published.treatments import Shift, Treatment, slope, together, treatments_csv
 
 
 def shift(value, half):

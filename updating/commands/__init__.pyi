@@ -1,4 +1,4 @@
-from updating.commands.demo import demo_command, published_command
+from updating.commands.demo import demo_command
 from updating.commands.diagnose import diagnose_command, next_test_command
 from updating.commands.ema import ema_command, pick_command
 from updating.commands.fit import fit_command
@@ -19,7 +19,6 @@ __all__ = [
     "next_test_command",
     "open_command",
     "pick_command",
-    "published_command",
     "report_command",
     "simulate_command",
     "update_command",

@@ -311,34 +311,6 @@ def update(
     commands.update_command(specification, output, effect_file or (), cluster, identify_anew=identify_anew)
 
 
-@app.command(epilog="Example: lamella published --calibration C1 -o out/published")
-def published(
-    output: Folder,
-    calibration: Annotated[
-        list[str] | None,
-        typer.Option(help="C0, C1, C2 or C3; may be given several times. All four by default."),
-    ] = None,
-    effect: SharedEffects = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of the published tables; those that travel by default.",
-            show_default=False,
-        ),
-    ] = None,
-    cluster: Cluster = None,
-) -> None:
-    """Reproduce the published campaign of 18 stacks from its tables, then add effects that all stacks share.
-
-    Writes for each calibration of planform and clamps what is fitted, with Tables 6 and 7 and figures 12 to 16 beside
-    ours, the error with the effects, by default clamp_inertia, also with each stack left out in turn, how contact
-    stiffness grows with pressure, and what treatments change. A calibration takes some minutes. Which effects the
-    stacks ask for is what lamella diagnose says of their campaign file.
-    """
-    commands.published_command(output, calibration, effect or (), data, cluster)
-
-
 @app.command(epilog="Example: lamella diagnose data/hidden_effect/a/campaign.toml -o out/a")
 def diagnose(
     campaign: CampaignFile,

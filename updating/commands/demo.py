@@ -1,42 +1,21 @@
-"""The commands on campaigns that travel with the program: the demo and the published stacks."""
+"""`lamella demo`: every step on the campaign that travels with the program."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
-from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
-from model import catalogue, find_effects
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.fit import LEAST_MAC, LedgerRequest, campaign_ledger, fit_campaign
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import FitError, StoreError
-from updating.published.campaign import CALIBRATIONS, Calibrated, Published, read_published, reproduce
-from updating.published.tables import (
-    contact_figure,
-    error_figure,
-    fall_figure,
-    law_figure,
-    parameters_csv,
-    pattern_figure,
-    summary_table,
-    table_6_csv,
-    table_7_csv,
-    treatment_figure,
-)
-from updating.published.treatments import treated, treatments_csv
 from updating.results.identified import Failed
-from updating.results.store import kept, write_bytes
 from updating.results.text import percent
-from updating.workers.workers import in_parallel
 
 _FOLDER = "share/lamella"
 
@@ -138,65 +117,3 @@ def _mode_by_mode(answer: Diagnosis) -> Table:
             f"{100 * mode.explained:+.2f}",
         )
     return table
-
-
-@single_threaded
-def published_command(
-    output: Path,
-    calibration: Sequence[str] | None,
-    effect: Sequence[str],
-    data: Path | None,
-    cluster: str | None,
-) -> None:
-    """Reproduce the published campaign, and print how far it is off."""
-    find_effects(effect, catalogue())
-    calibrations = calibration or list(CALIBRATIONS)
-    tables = shipped_data("pirnat2013") if data is None else data
-    OUT.print(
-        summary_table(
-            reproduce_campaign(tables, calibrations, effect or ["clamp_inertia"], output, OUT, cluster)
-        )
-    )
-    OUT.print(f"Results in {output}")
-
-
-def reproduce_campaign(
-    folder: Path,
-    calibrations: Sequence[str],
-    effects: Sequence[str],
-    output: Path,
-    console: Console,
-    cluster: str | None = None,
-) -> tuple[Calibrated, ...]:
-    """Reproduce the published campaign, go beyond it, and write results, tables and pictures.
-
-    Calibrations that an earlier run left are read back.
-    """
-    data = read_published(folder.absolute())
-    task = partial(_calibrated, data, tuple(effects), output.absolute())
-    results = tuple(in_parallel(task, calibrations, "calibrations", console, cluster))
-    for name, content in (
-        ("table_6.csv", table_6_csv(results)),
-        ("table_7.csv", table_7_csv(results)),
-        ("parameters.csv", parameters_csv(results)),
-        ("figure_12.png", as_png(contact_figure(results, data))),
-        ("figures_13_to_15.png", as_png(treatment_figure(results, data))),
-        ("figure_16.png", as_png(error_figure(results))),
-        ("error_fall.png", as_png(fall_figure(results))),
-        ("error_pattern.png", as_png(pattern_figure(results))),
-        ("pressure_law.png", as_png(law_figure(results))),
-    ):
-        write_bytes(output / name, content)
-    changed = treated(data, results[0])
-    write_bytes(output / "treatments.csv", treatments_csv(changed))
-    console.print(f"What treatments change, under {results[0].calibration}, with intervals of 95 %:")
-    for treatment in changed:
-        console.print(f"  {treatment.sentence}", markup=False, highlight=False)
-    return results
-
-
-def _calibrated(data: Published, effects: tuple[str, ...], output: Path, calibration: str) -> Calibrated:
-    path, options = output / f"{calibration}.json", {"effects": list(effects)}
-    inputs = (*data.table.inputs, data.folder / f"stack_{calibration}.toml")
-    make = partial(reproduce, data, calibration, effects)
-    return kept(path, Calibrated, make, inputs=inputs, options=options)

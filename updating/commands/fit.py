@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
@@ -26,10 +25,11 @@ from updating import commands
 from updating.commands.ema import print_campaign_findings, print_findings
 from updating.commands.terminal import OUT, progress
 from updating.correlation.correlation import correlate
+from updating.errors import FitError
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.fit import fit as fit_configuration
 from updating.fitting.modal_table import TableFit, TableRow, fit_row, is_modal_table, read_modal_table
-from updating.fitting.target import model_file, prepare, specimen_name, stack_in_state, target_of_table
+from updating.fitting.target import model_file, specimen_name, stack_in_state
 from updating.pooled.campaign_file import has_specimens
 from updating.pooled.specimen import Specimen
 from updating.results.identified import (
@@ -46,9 +46,6 @@ from updating.results.ledger import Entry, ledger_table, write_ledger
 from updating.results.store import folder_name, kept, write_result
 from updating.results.text import parameter_text
 from updating.workers.workers import in_parallel, workers
-
-if TYPE_CHECKING:
-    from updating.fitting.shared_opt_G import SharedFit
 
 LEAST_MAC = 0.8
 """Smallest MAC that makes a pair of modes where a command does not ask for it, as `lamella fit` has by default."""
@@ -79,7 +76,15 @@ def fit_command(
         print_pooled(fit_pooled(campaign, output, effect, effect_file, OUT, cluster=cluster), output, OUT)
         return
     if is_modal_table(campaign):
-        _print_table_fit(campaign, output, effect, known, cluster)
+        if effect:
+            message = (
+                f"{campaign}: a table of modes is fitted with G_f alone; list it in a file for lamella update with the "
+                "effects that its rows share, or describe the stacks as specimens (docs/formats.md)"
+            )
+            raise FitError(message)
+        rows = fit_modal_table(campaign, output, OUT, cluster)
+        OUT.print(modal_table(rows))
+        OUT.print(f"Report: {commands.make_report(output)}")
         return
     fits, done, failed = [], list[Identified](), []
     for outcome in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
@@ -101,17 +106,6 @@ def fit_command(
     if done:
         OUT.print(f"Report: {commands.make_report(output, keep=keep)}")
     require_none(failed, len(done) + len(failed))
-
-
-def _print_table_fit(
-    campaign: Path, output: Path, effect: Sequence[str], known: dict[str, Effect], cluster: str | None
-) -> None:
-    """Fit a campaign whose modes are given as a table, and print what came of it."""
-    rows = fit_modal_table(campaign, output, OUT, cluster)
-    OUT.print(modal_table(rows))
-    if effect:
-        OUT.print(ledger_table(table_ledger(effect, campaign, output, known), known))
-    OUT.print(f"Report: {commands.make_report(output)}")
 
 
 def fit_campaign(
@@ -251,49 +245,6 @@ def _together(
     added = {effect.name: effect for effect in effects}
     with workers(MESSAGES, cluster) as executor, progress("fit", OUT):
         return joint_fit("", specimens, added, executor=executor, reduced=cached_model).ledger
-
-
-def table_ledger(
-    effects: Sequence[str],
-    campaign: Path,
-    output: Path,
-    known: dict[str, Effect] | None = None,
-) -> tuple[Entry, ...]:
-    """Fit effects that all rows of a modal table share, by opt_G over all, and write ledger.json and ledger.csv."""
-    from updating.fitting.shared_opt_G import fit_shared_opt_G
-
-    table = read_modal_table(campaign)
-    added = find_effects(effects, known)
-    prepared = prepare(
-        [
-            target_of_table(row.stack.with_effects(*added), table.shape_class, row.frequency, name=row.name)
-            for row in table.rows
-        ]
-    )
-    fits = [fit_shared_opt_G(prepared, names) for names in ((), *((effect,) for effect in effects))]
-    if len(effects) > 1:  # all together start at the best one as well, so that they are no worse
-        best = min(fits, key=lambda fit: fit.objective)
-        fits.append(fit_shared_opt_G(prepared, tuple(effects), first=best))
-    entries = tuple(map(_opt_G_entry, fits))
-    write_ledger(entries, {"effects": list(effects)}, table.inputs, output)
-    return entries
-
-
-def _opt_G_entry(fit: SharedFit) -> Entry:
-    """Return the line of the ledger of a fit by opt_G; there is no damping."""
-    nan = float("nan")
-    return Entry(
-        effects=fit.effects,
-        error=fit.error(),
-        mode_error=fit.error(fit.mode_left_out),
-        configuration_error=fit.error(fit.left_out),
-        damping_error=nan,
-        mode_damping_error=nan,
-        configuration_damping_error=nan,
-        chi_square=nan,
-        n_residual=int(sum(np.isfinite(frequency).sum() for frequency in fit.measured)),
-        shared=fit.parameter,
-    )
 
 
 def _table(measured: ModalModel, fit: ModelFit) -> Table:

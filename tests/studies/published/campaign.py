@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from lamella_shared import arrays
 from model import Stack, find_effects, read_stack
 from model.stack.parts import Mesh
+from tests.studies.published.shared_opt_G import SharedFit, fit_shared_opt_G
 from updating.errors import FitError
 from updating.fitting.fit import (
     D_F_BOUNDS,
@@ -25,7 +26,6 @@ from updating.fitting.fit import (
     frequency_error,
 )
 from updating.fitting.modal_table import ModalTable, fit_row_by, read_modal_table
-from updating.fitting.shared_opt_G import SharedFit, fit_shared_opt_G
 from updating.fitting.target import Prepared, prepare, solve_target, target_of_table
 
 _RANGE = (-1.0, 2.0)  # of the exponent: stiffness that falls with pressure must not be excluded beforehand

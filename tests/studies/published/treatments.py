@@ -19,8 +19,8 @@ import scipy
 from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import DAMPING_SCATTER, FREQUENCY_SCATTER
+from tests.studies.published.campaign import Calibrated, Published, prepare_published
 from updating.fitting.target import Prepared, solve_target
-from updating.published.campaign import Calibrated, Published, prepare_published
 
 Vector = NDArray[np.float64]
 

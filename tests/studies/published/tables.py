@@ -13,7 +13,7 @@ from rich.table import Table
 
 from ema.plot import palette
 from model import printed_effects
-from updating.published.campaign import Calibrated, Published
+from tests.studies.published.campaign import Calibrated, Published
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

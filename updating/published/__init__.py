@@ -1,1 +1,0 @@
-"""The published campaign of 18 stacks: tables, pictures, screening of effects, verdict."""
