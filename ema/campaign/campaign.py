@@ -281,7 +281,8 @@ def read_campaign(path: str | Path) -> Campaign:
         pressure_kPa = 160
         height_mm = 64.8
         force_N = 2                            # level of the force; may be left out
-        files = ["M1/*.uff"]                   # each one run, in natural order; [["F*.csv", "A*.csv"]]: side by side
+        files = ["M1/*.uff"]                   # in natural order, each one run unless a hammer roves and the sensors
+                                               # stay; [["F*.csv", "A*.csv"]]: side by side
         output = ["1+z", "2+z"]                # DOFs of the FRFs in reading order, if the files hold none: point,
         input = ["45+z"]                       # sign, axis, one for all; or {node = 4, direction = [0, 0.7, 0.7]}
         [[configuration.force_level]]          # the same state at another force, at all points or some:

@@ -432,7 +432,7 @@ class ConfigurationSection(Section):
     @model_validator(mode="after")
     def _one_way_to_name_files(self) -> ConfigurationSection:
         if bool(self.files) == bool(self.run):
-            message = "give either 'files' (each file is one run) or [[configuration.run]] tables"
+            message = "give either 'files' or [[configuration.run]] tables"
             raise ValueError(message)
         if self.run and (self.output or self.input):
             message = "'output' and 'input' belong into each [[configuration.run]] table"

@@ -200,12 +200,12 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
             return None
         if kind != "csv":
             return _at_point(guess_variables(file, matlab=kind == "mat"))
+        if _lists_points(file):
+            return None
+        contents = _at_point(guess_table(file))
     except MeasurementError as error:
         left_out.append(str(error))
         return None
-    if _lists_points(file):
-        return None
-    contents = _at_point(guess_table(file))
     if contents is None:
         left_out.append(f"{file}: {not_understood(file)}")
     return contents
@@ -288,6 +288,34 @@ def _of_one_name(every: list[Contents]) -> list[Contents]:
     return [
         replace(c, keys=common, guesses=(*c.guesses, said)) if c.section == "variables" else c for c in every
     ]
+
+
+def _of_one_header(every: list[Contents]) -> list[Contents]:
+    """Return tables that differ in the length of their headers, or in how these are encoded, with what fits all.
+
+    Reading sees further rows of a header, and latin-1 reads any text; UTF-16 is known by its first bytes.
+    """
+    alike: dict[str, list[Contents]] = defaultdict(list)
+    for c in every:
+        if c.section == "table":
+            alike[
+                repr({key: v for key, v in c.keys.items() if key not in ("header_rows", "encoding")})
+            ].append(c)
+    common = {
+        of_set: {
+            "header_rows": min(c.keys.get("header_rows", 0) for c in tables),
+            "encoding": encodings.pop() if len(encodings := {c.keys.get("encoding", "utf-8") for c in tables}) == 1
+            else "latin-1",
+        }
+        for of_set, tables in alike.items()
+    }  # fmt: skip
+    usual = {"header_rows": 0, "encoding": "utf-8"}
+    with_common = {
+        c.file: {key: v for key, v in {**c.keys, **common[of_set]}.items() if v != usual.get(key)}
+        for of_set, tables in alike.items()
+        for c in tables
+    }
+    return [replace(c, keys=with_common[c.file]) if c.section == "table" else c for c in every]
 
 
 def _shared_start(names: list[str]) -> str:
@@ -377,7 +405,7 @@ def _of_one_layout(
 ) -> dict[str, tuple[Contents, ...]]:
     """Keep the files that one campaign file can describe: FRFs where there are any, and those of the usual layout."""
     every = [c for contents in configurations.values() for c in contents]
-    every = _of_one_name([_with_channels(c, every) for c in every])
+    every = _of_one_header(_of_one_name([_with_channels(c, every) for c in every]))
     of_file = {c.file: c for c in every}
     of_frfs = [c for c in every if not c.is_time]
     only_time = not of_frfs or (len(every) > 2 * len(of_frfs) and all(c.by_numbers for c in of_frfs))

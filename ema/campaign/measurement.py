@@ -125,6 +125,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     if not entries:
         message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
         raise MeasurementError(message)
+    entries = _as_one_run(configuration, entries, notes)
     _require_not_negative(entries)
     entries = _with_axis(entries, notes)
     entries = _one_quantity(entries, notes)
@@ -147,6 +148,31 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
         overload=overload,
         notes=tuple(notes),
     )
+
+
+def _as_one_run(configuration: Configuration, entries: list[_Entry], notes: list[str]) -> list[_Entry]:
+    """Return files of the same responses, each with forces of its own, as one run where no runs are stated.
+
+    A hammer that roves while the sensors stay changes nothing on the structure: a run for each file would only lend
+    each function poles of its own.
+    """
+    if any(files.together for files in configuration.files):
+        return entries
+    ends: dict[int, tuple[set[Dof], set[Dof]]] = {}
+    for entry in entries:
+        outputs, inputs = ends.setdefault(entry.run, (set(), set()))
+        outputs.add(entry.output)
+        inputs.add(entry.input)
+    sensors = next(iter(ends.values()))[0] if ends else set()
+    forces = [force for _, inputs in ends.values() for force in inputs]
+    stay = all(outputs == sensors for outputs, _ in ends.values())
+    if len(ends) < 2 or not stay or len(set(forces)) < len(forces) or len(forces) <= len(sensors):
+        return entries
+    notes.append(
+        f"{len(ends)} files are one run: the sensors stay while the hammer roves, and nothing on the structure "
+        "changes; if it did, write each file as a [[configuration.run]]"
+    )
+    return [replace(entry, run=0) for entry in entries]
 
 
 def _groups(files: Files) -> list[tuple[tuple[Path, ...], ...]]:

@@ -24,6 +24,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.io.units import si_label
 from ema.types.errors import MeasurementError
 
 _NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))
@@ -479,20 +480,77 @@ def _in_mat(path: Path) -> dict[str, ArrayInFile]:
     if io.matlab.matfile_version(str(path), appendmat=False)[0] == 1:  # of version 4 the reader is safe
         check_elements(path)
     arrays: dict[str, ArrayInFile] = {}
-    for name, shape, kind in io.whosmat(str(path), appendmat=False):
+    for name, shape, kind in _variables(path):
         if kind in ("struct", "cell"):
             content = io.loadmat(str(path), appendmat=False, variable_names=[name])
+            units = dict(_units(name, content.get(name)))
             for field, value in _fields(name, content.get(name)):
-                arrays[field] = ArrayInFile(shape=value.shape, read=partial(np.asarray, value))
+                unit = units.get(field.rpartition(".")[0], "")
+                arrays[field] = ArrayInFile(shape=value.shape, read=partial(np.asarray, value), unit=unit)
         elif kind in ("double", "single", "logical") or kind.startswith(("int", "uint")):
             arrays[name] = ArrayInFile(shape=tuple(shape), read=partial(_variable, path, name))
     return arrays
+
+
+def _variables(path: Path) -> list[tuple[str, tuple[int, ...], str]]:
+    """Return name, shape and class of each variable."""
+    from scipy import io
+
+    try:
+        return list(io.whosmat(str(path), appendmat=False))
+    except TypeError:  # at an object of MATLAB's, such as a table or a figure, which has no shape
+        content = io.loadmat(str(path), appendmat=False)
+    kinds = {
+        "V": "struct",
+        "O": "cell",
+        "f": "double",
+        "c": "double",
+        "i": "int",
+        "u": "uint",
+        "b": "logical",
+    }
+    return [
+        (name, value.shape, kinds[value.dtype.kind])
+        for name, value in content.items()
+        if type(value) is np.ndarray and value.dtype.kind in kinds and not name.startswith("__")
+    ]
 
 
 def _variable(path: Path, name: str) -> NDArray[Any]:
     from scipy import io
 
     return np.asarray(io.loadmat(str(path), appendmat=False, variable_names=[name])[name])
+
+
+def _units(name: str, value: Any) -> Iterator[tuple[str, str]]:
+    """Give the unit that a structure states of its numbers, of those in it, too, each with the structure's name.
+
+    Testlab writes it as ``quantity.label``, of numbers that are in SI whichever label is shown.
+    """
+    if type(value) is not np.ndarray or value.dtype.kind not in "VO" or value.dtype.names is None:
+        return
+    for k, element in enumerate(value.ravel(order="F"), start=1):
+        prefix = name if value.size == 1 else f"{name}({k})"
+        told = {field: _text(element[field]) for field in value.dtype.names}
+        unit = next((told[key] for key in _UNITS if told.get(key)), "")
+        quantity = element["quantity"] if "quantity" in told else None
+        if type(quantity) is np.ndarray and quantity.size == 1 and "label" in (quantity.dtype.names or ()):
+            unit = _text(quantity.ravel()[0]["label"])
+            is_si = "info" in quantity.dtype.names and "MKS" in _text(quantity.ravel()[0]["info"])
+            unit = si_label(unit) if is_si else unit
+        if unit:
+            yield prefix, unit
+        for field in value.dtype.names:
+            yield from _units(f"{prefix}.{field}", element[field])
+
+
+def _text(value: Any) -> str:
+    """Return a text of a MATLAB file; empty where it is something else."""
+    return (
+        str(value.ravel()[0])
+        if type(value) is np.ndarray and value.dtype.kind == "U" and value.size == 1
+        else ""
+    )
 
 
 def _fields(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -120,6 +120,17 @@ def volts_in(text: str) -> str:
     return next((label for label, unit in ratios_in(text) if unit.volt != 0), "")
 
 
+def is_other_ratio(label: str) -> bool:
+    """Whether a unit is one of a ratio that is no FRF: a force over a response, or a response over another."""
+    if label.strip() == "/":  # Testlab's unit of a transmissibility
+        return True
+    try:
+        unit = parse_unit(label)
+    except MeasurementError:
+        return False
+    return unit.turned_frf or (unit.dimension == (0, 0, 0) and unit.volt == 0 and "/" in label)
+
+
 def ratios_in(text: str) -> Iterator[tuple[str, Unit]]:
     """Give the units in a header that are ratios, with what they mean."""
     in_brackets = re.findall(r"[\[(]([^\[\]\s,;]*/[^\[\]\s,;]*)[\])](?=[\s,;]|$)", text)

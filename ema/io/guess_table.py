@@ -38,6 +38,7 @@ from ema.io.rows import (
     ungrouped,
     unpacked,
 )
+from ema.types.errors import MeasurementError
 
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (
@@ -49,7 +50,10 @@ _OF_SPECTRA = (
     r"\b(?:psd|asd|csd)\b|spectral densit\w*|\b(?:amplitude|linear|complex) spectrum|\bspectrum$"
 )
 _OF_POINTS = r"resp|\bout|\bref|\binp|\bexc|forc|\bdof\b|point|node|antwort|anreg|kraft|punkt"
-_OF_A_PART = r"(?:^|[\W_])(real|re|imag\w*|im|mag\w*|amp\w*|abs|phase|phas|angle|betrag)(?:$|[\W_\d])"
+_OF_A_PART = (
+    r"(?:^|[\W_])(real|re|imag(?:inary|inaer)?|im|mag(?:nitude)?s?|amp(?:l(?:itude)?)?s?|abs|phase|phas|angle|betrag)"
+    r"(?:$|[\W_\d])"
+)
 _NAMELESS = r"(?:var|col(?:umn)?|c|y|x|data|unnamed|field|feld|wert|value|spalte)?\W*\d+"
 """A title that says nothing, as programs number columns: two such may be the parts of one function."""
 _OF_TIME = (
@@ -136,6 +140,11 @@ def guess_table(path: Path) -> Contents | None:
 
     Delimiter, decimal mark and header are those with which its rows are numbers. What the columns are is what their
     titles say, else what their numbers look like.
+
+    Raises
+    ------
+    MeasurementError
+        One of its first rows of numbers has other cells than the others.
     """
     text = _cut(path)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
@@ -374,6 +383,7 @@ def _cut(
                 segments = segments_of(rows, start)
                 last = start + len(segments[0].rows)
                 value = [row for row in numbers[start:last] if row is not None and len(row) == width]
+                _require_even(path, rows, numbers, start, delimiter)
                 ends = [0, *(segment.first + len(segment.rows) for segment in segments)]
                 heads = tuple(
                     "" if is_labview(rows[:start]) else "\n".join(rows[end : segment.first])
@@ -386,6 +396,20 @@ def _cut(
                     heads=heads, value=np.array(value),
                 )  # fmt: skip
     return None
+
+
+def _require_even(
+    path: Path, rows: list[str], numbers: list[list[complex] | None], start: int, delimiter: str
+) -> None:
+    """Refuse a table whose first rows are of numbers, but for one that begins with a number and has other cells."""
+    width = len(numbers[start] or ())
+    first = cells_of(rows[start - 1], delimiter)[:1] if start > 1 else []
+    if first and _is_number(first[0]) and len(numbers[start - 2] or ()) == width:
+        message = (
+            f"{path}: row {start} has other cells than the {width} numbers of the rows beside it: "
+            f"{rows[start - 1].strip()[:40]!r}; mend it"
+        )
+        raise MeasurementError(message)
 
 
 def _titles(row: str, delimiter: str) -> list[str]:

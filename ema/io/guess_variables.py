@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, arrays_in, pattern_of
-from ema.io.contents import UNKNOWN, Code, Contents, field_of, unit_in, with_names
+from ema.io.contents import UNKNOWN, Code, Contents, field_of, is_other_ratio, unit_in, volts_in, with_names
 from ema.io.guess_histories import RATE, HistoriesFound, guess_histories
 from ema.io.guess_parts import magnitudes_alone, parts_of_frfs, table_of_frfs
 from ema.io.measured_function import is_uneven
@@ -100,15 +100,22 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
             file=path, section="variables", keys=keys | {"frequency": UNKNOWN}, dofs=((None, None),),
             guesses=tuple(guesses),
         )  # fmt: skip
-    return replace(_of_frfs(path, arrays, keys, block, guesses), unit=_stated_unit(keys, units))
+    contents = _of_frfs(path, arrays, keys, block, guesses)
+    label = _stated_unit(keys, units)
+    if label and is_other_ratio(label):
+        message = (
+            f"{path}: states the unit {label!r} of {keys.get('frf')!r}, which is no response over a force; export "
+            "FRFs, response over force"
+        )
+        raise MeasurementError(message)
+    return replace(contents, unit=unit_in(label), odd_unit=volts_in(label))
 
 
-def _stated_unit(keys: Mapping[str, Any], units: Mapping[str, str]) -> str | None:
-    """Return the unit of a response over a force that the file states of its FRFs, in one way of all of them."""
+def _stated_unit(keys: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """Return the unit that the file states of its FRFs, in one way of all of them; empty where it does not."""
     names = next((keys[part] for way in WAYS for part in way[:1] if part in keys), ())
-    stated = {units.get(name) for name in ((names,) if isinstance(names, str) else names)}
-    label = next(iter(stated)) if len(stated) == 1 else None
-    return None if label is None else unit_in(label)
+    stated = {units.get(name, "") for name in ((names,) if isinstance(names, str) else names)}
+    return next(iter(stated)) if len(stated) == 1 else ""
 
 
 def _with_units(histories: HistoriesFound, units: Mapping[str, str]) -> tuple[str, ...]:

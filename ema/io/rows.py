@@ -6,7 +6,7 @@ import codecs
 import csv
 import gzip
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
@@ -184,6 +184,33 @@ class Segment:
 def is_labview(rows: Sequence[str]) -> bool:
     """Whether the header of a text file is one of LabVIEW's."""
     return any(row.startswith(END_OF_HEADER) for row in rows)
+
+
+def first_row(rows: Sequence[str], header_rows: int) -> int:
+    """Return the first row of numbers: the one after the header, or a later one where more of a header stands there.
+
+    Headers of files of one set may differ in length; rows before `header_rows` are none of numbers in any of them.
+    """
+    if header_rows >= len(rows) or not _is_of_header(rows[header_rows]):
+        return header_rows
+    firsts: Iterable[int] = range(header_rows, len(rows))
+    if is_labview(rows):
+        firsts = (k + 2 for k, row in enumerate(rows) if row.startswith(END_OF_HEADER))
+    later = (k for k in firsts if header_rows < k < len(rows) and not _is_of_header(rows[k]))
+    return next(later, header_rows)
+
+
+def _is_of_header(row: str) -> bool:
+    """Whether the first cell of a row that is not empty is no number, and begins with no digit."""
+    row = row.lstrip(" \t;,")
+    if _FIRST_CELL.match(row):
+        return False
+    cells = _APART.split(row)
+    try:
+        number(cells[0])
+    except ValueError:
+        return True
+    return False
 
 
 def segments_of(rows: Sequence[str], header_rows: int, *, fewest: int = 10) -> list[Segment]:

@@ -20,6 +20,7 @@ from ema.io.rows import (
     Segment,
     cells_of,
     decoded,
+    first_row,
     number,
     plain_rows,
     segments_of,
@@ -47,7 +48,8 @@ class TableLayout(BaseModel):
     decimal : {".", ","}
         Decimal mark.
     header_rows : int
-        Rows before the first row of numbers.
+        Rows before the first row of numbers; of files with headers of several lengths those of the shortest, for
+        further rows of a header are seen.
     encoding : str
         Text encoding of the header.
     axis_column : int
@@ -139,8 +141,9 @@ def read_records(
     _require_quotes(path, layout, rows)
     records: list[tuple[MeasuredFunction, ...]] = []
     end = None
-    heads = frozenset(filter(None, (row.strip() for row in rows[: layout.header_rows])))
-    for segment in segments_of(rows, layout.header_rows):
+    first = first_row(rows, layout.header_rows)
+    heads = frozenset(filter(None, (row.strip() for row in rows[:first])))
+    for segment in segments_of(rows, first):
         functions = _record(path, layout, segment, heads, unit)
         step = float(np.diff(functions[0].abscissa).mean()) if functions[0].abscissa.size > 1 else 0.0
         goes_on = end is not None and abs(segment.start - end) < same_start * step and layout.layout == "time"

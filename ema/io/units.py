@@ -62,6 +62,12 @@ _MOTION: dict[tuple[int, int, int], Quantity] = {
 }
 
 
+_OF_SI = {
+    (1, 0, -1): "m/N", (1, -1, -1): "m/s/N", (1, -2, -1): "m/s2/N",
+    (1, 0, 0): "m", (1, -1, 0): "m/s", (1, -2, 0): "m/s2", (0, 0, 1): "N",
+}  # fmt: skip
+
+
 @dataclass(frozen=True, kw_only=True)
 class Unit:
     """A unit as a factor into SI and its exponents of length, time and force.
@@ -122,6 +128,15 @@ def parse_unit(label: str) -> Unit:
     if not text or position != len(text):
         raise _not_understood(label, text[position:])
     return Unit(factor=factor, dimension=dimension[:3], volt=dimension[3])
+
+
+def si_label(label: str) -> str:
+    """Return the unit of SI of what a unit label measures, such as ``m/s2/N`` of ``g/N``; itself where it is none."""
+    try:
+        unit = parse_unit(label)
+    except MeasurementError:
+        return label
+    return _OF_SI.get(unit.dimension, label) if unit.volt == 0 else label
 
 
 def _product(text: str, position: int, label: str) -> tuple[float, _Exponents, int]:

@@ -45,7 +45,7 @@ def test_roving_hammer_in_text_files(tmp_path):
     assert frf.value.shape == (9, 1, 51201)
     np.testing.assert_array_equal(frf.output.node, np.arange(1, 10))
     np.testing.assert_array_equal(frf.input.direction, [[-1, 0, 0]])
-    np.testing.assert_array_equal(frf.run, np.arange(9))
+    np.testing.assert_array_equal(frf.run, np.zeros(9))  # one sensor stays
     peak = frf.band(300, 315)
     mode = np.argmax(np.abs(peak.value[:, 0]).sum(axis=0))
     assert peak.frequency[mode] == pytest.approx(306.86, abs=0.05)

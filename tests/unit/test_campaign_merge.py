@@ -67,16 +67,32 @@ def test_roving_accelerometers(tmp_path):
     assert measurement.notes == ()
 
 
-def test_roving_hammer_is_given_by_reciprocity(tmp_path):
+def test_roving_hammer_is_given_by_reciprocity_and_is_one_run(tmp_path):
     for n in (1, 2, 3):
         run(tmp_path, n, [-2], [n])
     measurement = measure(tmp_path)
     frf = measurement.frf
     np.testing.assert_array_equal(frf.output.node, [1, 2, 3])
     np.testing.assert_array_equal(frf.input.direction, [[0, 0, -1]])
-    np.testing.assert_array_equal(frf.run, [0, 1, 2])
+    np.testing.assert_array_equal(frf.run, [0, 0, 0])
     np.testing.assert_allclose(frf.value[2, 0], -value(3, 2), rtol=1e-6)
-    assert "by reciprocity" in measurement.notes[0]
+    one_run, turned = measurement.notes
+    assert "3 files are one run" in one_run
+    assert "by reciprocity" in turned
+
+
+def test_runs_that_are_stated_stay_though_the_hammer_roves(tmp_path):
+    for n in (1, 2, 3):
+        run(tmp_path, n, [-2], [n])
+    runs = "".join(f'[[configuration.run]]\nfiles = "run{n}.uff"\n' for n in (1, 2, 3))
+    measurement = measure(tmp_path, HEAD.replace('files = ["run*.uff"]\n', runs))
+    np.testing.assert_array_equal(measurement.frf.run, [0, 1, 2])
+
+
+def test_forces_one_after_the_other_at_many_sensors_are_no_roving_hammer(tmp_path):
+    run(tmp_path, 1, [1, 2, 3], [1])
+    run(tmp_path, 2, [1, 2, 3], [2])
+    assert measure(tmp_path).notes == ()
 
 
 def test_the_last_of_duplicates_is_used(tmp_path):
