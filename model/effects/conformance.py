@@ -10,18 +10,17 @@ import dataclasses
 import functools
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from model.effects.catalogue import catalogue
 from model.elements.equations import OMEGA, Assembly, Target, Term
 from model.elements.mesh import FIELDS
 from model.elements.terms import rigid_body_modes
-from model.modes.modes import Observation, solve_modes
+from model.modes.modes import Modes, Observation, observe, solve_modes
 from model.reduction.reduction import assemble, reduce
 from model.stack.effect import OMEGA_REFERENCE, Effect, Parameter
 from model.stack.errors import EffectError
@@ -108,10 +107,11 @@ def _base(stack: Stack) -> Assembly:
 
 
 @functools.cache
-def _reference(base: Assembly, pressure: float) -> tuple[NDArray[np.float64], dict[Target, float]]:
+def _reference(base: Assembly, pressure: float) -> tuple[sp.csr_matrix, dict[Target, float]]:
     """Return the mass matrix and, in units of it, how negative M, C and K may be for rounding."""
-    mass = _base_matrix(base, "M", pressure).toarray()
-    values, vectors = la.eigh(_base_matrix(base, "K", pressure).toarray(), mass, subset_by_index=[0, 6])
+    mass = _base_matrix(base, "M", pressure)
+    stiffness = _base_matrix(base, "K", pressure)
+    values, vectors = la.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, 6])
     damping = float(vectors[:, 6] @ _base_matrix(base, "C", pressure) @ vectors[:, 6])
     return mass, {"M": 0.0, "C": _NEGATIVE * damping, "K": _NEGATIVE * float(values[6])}
 
@@ -187,10 +187,14 @@ def _definiteness(effect: Effect, base: Assembly, assembly: Assembly) -> Iterato
     targets = dict.fromkeys(term.target for term in _own(assembly, base))
     for pressure in _PRESSURES:
         mass, allowed = _reference(base, pressure)
+        positive = dict[tuple[Target, tuple[float, ...]], bool]()  # of factors, which corners may share
         for strong, target in itertools.product(_corners(effect), targets):
             theta = {**assembly.theta, "pressure": pressure, **strong}
-            matrix = _base_matrix(base, target, pressure) + _added(base, assembly, target, theta)
-            if not _is_positive(matrix.toarray() + allowed[target] * mass):
+            own = target, tuple(t.factor(theta) for t in _own(assembly, base) if t.target == target)
+            if own not in positive:
+                matrix = _base_matrix(base, target, pressure) + _added(base, assembly, target, theta)
+                positive[own] = _is_positive(matrix + allowed[target] * mass)
+            if not positive[own]:
                 at = ", ".join(f"{name} = {value:g}" for name, value in strong.items())
                 yield f"at {at} and {pressure / 1e3:g} kPa the matrix {target} is {words[target]}"
 
@@ -243,28 +247,28 @@ def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator
 def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
     """Compare gradients of frequencies and damping ratios by each parameter with differences."""
     system = reduce(stack.with_effects(effect), n_snapshot=2, z_tolerance=1e-3)
-    nowhere = Observation(
+    somewhere = Observation(
         node=np.zeros(1, int), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]])
     )
+    observed = observe(system, somewhere)
 
-    def modes(**values: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        found = solve_modes(
-            system, G_f=stack.contact.G_f, d_f=stack.contact.d_f, n_mode=_N_MODE, observation=nowhere,
-            parameters=values,
+    def modes(values: dict[str, float], by: Sequence[str] = ()) -> Modes:
+        return solve_modes(
+            system, G_f=stack.contact.G_f, d_f=stack.contact.d_f, n_mode=_N_MODE, observation=observed,
+            parameters=values, by=by,
         ).elastic()  # fmt: skip
-        columns = [found.parameter.index(p.name) for p in effect.parameters]
-        return (
-            np.array([found.frequency, found.damping]),
-            np.array([found.frequency_gradient[:, columns], found.damping_gradient[:, columns]]),
-        )
 
     for share in _INSIDE:
         values = {p.name: _between(p, share) for p in effect.parameters}
-        at, gradient = modes(**values)
+        found = modes(values, [p.name for p in effect.parameters])
+        columns = [found.parameter.index(p.name) for p in effect.parameters]
+        at = np.array([found.frequency, found.damping])
+        gradient = np.array([found.frequency_gradient, found.damping_gradient])[:, :, columns]
         for j, parameter in enumerate(effect.parameters):
             value, span = values[parameter.name], _span(parameter, values[parameter.name])
             for step, weights in ((_STEP, _CENTRAL), (_WIDE_STEP, _FIVE_POINT)):
-                moved = [modes(**{**values, parameter.name: value + n * step * span})[0] for n in weights]
+                near = [modes({**values, parameter.name: value + n * step * span}) for n in weights]
+                moved = [[one.frequency, one.damping] for one in near]
                 slope = np.tensordot(np.array(list(weights.values())) / step, moved, axes=1)
                 error = np.abs(span * gradient[:, :, j] - slope)
                 sizes = at + _TINY * at.max(axis=1, keepdims=True) + np.abs(slope).max(axis=1, keepdims=True)
@@ -336,9 +340,10 @@ def _span(p: Parameter, value: float) -> float:
     return float(value * np.log(p.upper / p.lower)) if p.scale == "log" else p.upper - p.lower
 
 
-def _is_positive(matrix: NDArray[np.float64]) -> bool:
-    try:
-        la.cholesky((matrix + matrix.T) / 2.0, check_finite=True)
-    except (la.LinAlgError, ValueError):
+def _is_positive(matrix: sp.csr_matrix) -> bool:
+    """Tell whether the symmetric part of a matrix is finite and positive definite."""
+    if not np.all(np.isfinite(matrix.data)):
         return False
-    return True
+    dense = ((matrix + matrix.T) / 2.0).toarray(order="F")
+    _, failed = la.lapack.dpotrf(dense, clean=False, overwrite_a=True)  # in place: `cholesky` copies it twice
+    return bool(failed == 0)
