@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
-from ema.campaign.draft_histories import is_of_force, of_motions_alone, side_by_side
+from ema.campaign.draft_histories import Set, is_of_force, of_motions_alone, side_by_side
 from ema.io.contents import UNKNOWN, Code, Contents, dof_name, point_in
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import axis_keys, guess_variables, lone_axis
@@ -438,10 +438,14 @@ def _of_one_layout(
 def _with_forces(
     configurations: dict[str, tuple[Contents, ...]], left_out: list[str]
 ) -> dict[str, tuple[Contents, ...]]:
-    """Leave out time histories without a force: of motions alone, or of one channel that no force stands beside."""
+    """Leave out time histories without a force: of motions alone, or of one channel that no force stands beside.
+
+    So are those of fewer or more channels than most, among which the force would be another one.
+    """
     kept = {}
-    for name, contents in configurations.items():
-        sets = side_by_side(contents)
+    for name, every in configurations.items():
+        sets = _of_usual_channels(side_by_side(every), left_out)
+        contents = tuple(c for of_set in sets for c in of_set)
         if all(of_set[0].is_time and of_motions_alone(of_set) for of_set in sets):
             left_out.extend(
                 f"{c.file}: all its channels are of motions ({', '.join(c.titles[:4])}), and an FRF needs a force"
@@ -462,6 +466,22 @@ def _with_forces(
             for c in alone
         )
     return kept
+
+
+def _of_usual_channels(sets: list[Set], left_out: list[str]) -> list[Set]:
+    """Return the records that have as many channels as most, where the force is known by its place among them."""
+    described = [of_set for of_set in sets if all(c.is_time and c.section is not None for c in of_set)]
+    counts = Counter(sum(len(c.titles) for c in of_set) for of_set in described)
+    usual, n_usual = counts.most_common(1)[0] if counts else (0, 0)
+    if n_usual == len(described) or 2 * n_usual <= len(described):
+        return sets
+    odd = [of_set for of_set in described if sum(len(c.titles) for c in of_set) != usual]
+    left_out += [
+        f"{c.file}: holds {sum(len(c.titles) for c in of_set)} channels, and most files {usual}"
+        for of_set in odd
+        for c in of_set
+    ]
+    return [of_set for of_set in sets if of_set not in odd]
 
 
 def _with_channels(contents: Contents, every: list[Contents]) -> Contents:

@@ -810,7 +810,9 @@ def test_files_that_are_left_out_are_named(tmp_path):
     (tmp_path / "odd.csv").write_text(real_imaginary(VALUE[:, [0]]).replace(",", ";"))
     (tmp_path / "broken.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(300))
     said = new(tmp_path)
-    assert re.search(r"left out: .*odd\.csv: laid out otherwise .*\(delimiter semicolon instead of none", said)
+    assert re.search(
+        r"left out: .*odd\.csv: laid out otherwise .*\(delimiter semicolon instead of none", said
+    )
     assert re.search(r"left out: .*broken\.mat: cannot be read", said)
     assert 'files = ["*z_45z.csv"]' in campaign_text(tmp_path)
 

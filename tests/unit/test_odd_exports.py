@@ -106,3 +106,15 @@ def test_a_workspace_with_an_object_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr("scipy.io.whosmat", stumble)
     with arrays_in(tmp_path / "a.mat", matlab=True) as held:
         assert {name: array.read().size for name, array in held.items()} == {"H": 40, "data.f": 40}
+
+
+def test_a_record_of_other_channels_than_most_is_left_out(tmp_path):
+    times = 0.02 * np.arange(40)
+    for name, n in (("calibration", 2), ("set1", 3), ("set2", 3), ("set3", 3)):
+        channels = [f"CH{k} [cm/s2]" for k in range(1, n)]
+        lines = [f"{t:g},{','.join(f'{np.sin(k * t):g}' for k in range(n))}" for t in times]
+        text(tmp_path, f"{name}.csv", [",".join(["Time [s]", *channels, "Force [N]"])], lines)
+    drafted = draft(tmp_path)
+    (said,) = drafted.left_out
+    assert "calibration.csv: holds 2 channels, and most files 3" in said
+    assert 'response_unit = "cm/s2"' in draft_file(drafted).text
