@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.files import plain_bytes
+from ema.io.mode_titles import of_modes, of_shapes
 from ema.types.errors import MeasurementError
 from lamella_shared import readonly
 
@@ -175,6 +176,8 @@ class _Table:
     path: Path
     columns: dict[str, list[str]]
     decimal: str
+    kind: str = ""  # of another program's, "modes" or "shapes"
+    notes: tuple[str, ...] = ()
 
     def numbers(self, name: str, *, blank: bool = False) -> NDArray[np.float64]:
         """Return a column of numbers, NaN where a cell is empty and may be."""
@@ -201,16 +204,29 @@ class _Table:
 
 
 def is_table_of_modes(path: Path) -> bool:
-    """Tell whether a text file begins with names, one of them ``frequency_Hz`` and others shapes or damping."""
+    """Tell whether a text file begins with names, of frequencies and others of shapes or damping."""
     names = _first_names(path)
     has_shapes = any(_DOF.fullmatch(name) for name in names)
-    return "frequency_hz" in names and (has_shapes or "damping" in names or "damping_percent" in names)
+    if "frequency_hz" in names:
+        return has_shapes or "damping" in names or "damping_percent" in names
+    return "modes" in _of_others(path)
 
 
 def is_table_of_shapes(path: Path) -> bool:
-    """Tell whether a text file is a table of shapes, as `lamella ema` writes them."""
+    """Tell whether a text file is a table of shapes, a row for each DOF."""
     names = _first_names(path)
-    return {"node", "x", "y", "z"} <= names and ("mode_1_real" in names or "mode_1" in names)
+    if {"node", "x", "y", "z"} <= names:
+        return "mode_1_real" in names or "mode_1" in names
+    return "shapes" in _of_others(path)
+
+
+def _of_others(path: Path) -> set[str]:
+    """Return what a table of another program is: of modes or of shapes."""
+    try:
+        table = _read(path)
+    except MeasurementError:
+        return set()
+    return {table.kind} - {""}
 
 
 def _first_names(path: Path, *, longest_row: int = 2**20) -> set[str]:
@@ -261,6 +277,7 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
         scaled=np.array(scaled, dtype=bool),
         node=node,
         direction=direction,
+        notes=table.notes,
     )
     zero = np.flatnonzero(~np.any(shape != 0.0, axis=0))
     if zero.size:
@@ -381,4 +398,11 @@ def _read(path: Path) -> _Table:
     columns = {
         name: [row[k] if k < len(row) else "" for row in rows[1:]] for k, name in enumerate(names) if name
     }
-    return _Table(path=path, columns=columns, decimal="." if delimiter == "," else ",")
+    decimal, notes = "." if delimiter == "," else ",", list[str]()
+    first = {"": [row[0] for row in rows[1:]]} if names and not names[0] else {}
+    if (modes := of_modes({**first, **columns}, decimal, notes)) is not None:
+        said = tuple(f"{path}: {note}" for note in notes)
+        return _Table(path=path, columns=modes, decimal=decimal, kind="modes", notes=said)
+    if (shapes := of_shapes(columns, decimal)) is not None:
+        return _Table(path=path, columns=shapes, decimal=decimal, kind="shapes")
+    return _Table(path=path, columns=columns, decimal=decimal)

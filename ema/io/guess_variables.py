@@ -42,6 +42,12 @@ _STEP = re.compile(
 )
 _START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0|wf_start_offset)$", re.IGNORECASE)
 _FEWEST_LINES = 10
+_OF_MODES = re.compile(
+    r"^(f_?n|w_?n|omega_?n?|freqs?|frequenc(y|ies)|.*nat\w*freq\w*|lamb(da|d)s?|poles?|eigen\w*)$",
+    re.IGNORECASE,
+)
+_SHAPES = re.compile(r"shape|^phi|^psi|^ms$|^mode|eigenvec", re.IGNORECASE)
+_MOST_MODES = 200
 
 
 def guess_variables(
@@ -82,6 +88,7 @@ def guess_variables(
 
 def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mapping[str, int]) -> Contents:
     """Return what the arrays of a file seem to hold."""
+    _require_no_modes(path, arrays)
     keys, block, guesses = _frfs(arrays, units)
     if block is None and (
         table := _two_parts(arrays) or _parts_along_an_axis(arrays) or table_of_frfs(arrays)
@@ -109,6 +116,26 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
         )
         raise MeasurementError(message)
     return replace(contents, unit=unit_in(label), odd_unit=volts_in(label))
+
+
+def _require_no_modes(path: Path, arrays: _Arrays) -> None:
+    """Refuse a file of modes: one number of each mode that is called a frequency or a pole, and shapes of as many."""
+    for name, value in arrays.items():
+        n_mode = value.size
+        if not (
+            1 < n_mode == max(value.shape, default=0) <= _MOST_MODES and _OF_MODES.search(field_of(name))
+        ):
+            continue
+        shapes = [
+            other for other, shape in arrays.items()
+            if shape.ndim == 2 and n_mode in shape.shape and shape.size > n_mode and _SHAPES.search(field_of(other))
+        ]  # fmt: skip
+        if shapes:
+            message = (
+                f"{path}: holds modes ({name!r}, {shapes[0]!r}), and no points: write them as a table, with "
+                "frequency_Hz, damping and a column for each DOF such as 12+z, or as universal file (55, 2414)"
+            )
+            raise MeasurementError(message)
 
 
 def _stated_unit(keys: Mapping[str, Any], units: Mapping[str, str]) -> str:

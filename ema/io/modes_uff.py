@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.found_modes import FoundModes, joined, without_unmeasured
+from ema.io.mode_titles import are_percent
 from ema.io.uff import mass_unit
 from ema.io.uff58 import DataSet, cut
 from ema.types.errors import MeasurementError
@@ -43,6 +44,7 @@ class _Header:
     eigenvalue: complex
     modal_a: complex
     body: list[str]
+    is_turned: bool = False
 
 
 def holds(path: Path) -> tuple[bool, bool]:
@@ -72,10 +74,10 @@ def read_modes_uff(path: Path, geometry: Geometry) -> FoundModes:
     sets = cut(path)
     notes: list[str] = []
     mass = mass_unit(sets)
+    heads = [(s, _head_55(s) if s.kind == "55" else _head_2414(s)) for s in sets if s.kind in MODE_SETS]
+    heads = _upper_half(_as_ratios(path, heads, notes))
     modes = [
-        mode
-        for data_set in sets
-        if data_set.kind in MODE_SETS and (mode := _mode(data_set, geometry, mass, notes)) is not None
+        mode for data_set, head in heads if (mode := _mode(data_set, head, geometry, mass, notes)) is not None
     ]
     if not modes:
         held = ", ".join(sorted({s.kind for s in sets}))
@@ -86,9 +88,42 @@ def read_modes_uff(path: Path, geometry: Geometry) -> FoundModes:
     return without_unmeasured(replace(whole, source=str(path), notes=(*whole.notes, *dict.fromkeys(notes))))
 
 
-def _mode(data_set: DataSet, geometry: Geometry, mass: float, notes: list[str]) -> FoundModes | None:
+_Heads = list[tuple[DataSet, _Header]]
+
+
+def _as_ratios(path: Path, heads: _Heads, notes: list[str]) -> _Heads:
+    """Return heads with damping ratios where a program wrote those of normal modes in per cent."""
+    if not are_percent(
+        head.damping for _, head in heads if head.analysis == _NORMAL and head.frequency > 0.0
+    ):
+        return heads
+    largest = max(head.damping for _, head in heads)
+    notes.append(
+        f"{path}: the damping, up to {largest:g}, is taken in per cent, for as a ratio it is that of no resonance"
+    )
+    return [(s, replace(head, damping=head.damping / 100.0)) for s, head in heads]
+
+
+def _upper_half(heads: _Heads) -> _Heads:
+    """Return heads with conjugate eigenvalues and modal A where all modes are those of negative frequencies."""
+    eigen = [head.eigenvalue.imag for _, head in heads if head.analysis in (_COMPLEX_FIRST, _COMPLEX_SECOND)]
+    if not eigen or max(eigen) >= 0.0:
+        return heads
+    return [
+        (
+            s,
+            replace(
+                head, eigenvalue=head.eigenvalue.conjugate(), modal_a=head.modal_a.conjugate(), is_turned=True
+            ),
+        )
+        for s, head in heads
+    ]
+
+
+def _mode(
+    data_set: DataSet, head: _Header, geometry: Geometry, mass: float, notes: list[str]
+) -> FoundModes | None:
     """Return the mode of a data set; None where it is none."""
-    head = _head_55(data_set) if data_set.kind == "55" else _head_2414(data_set)
     if head.analysis not in (_NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND):
         what = _ANALYSES.get(head.analysis, f"analysis type {head.analysis}")
         notes.append(f"{data_set.where}: holds no mode ({what}); left out")
@@ -110,6 +145,7 @@ def _mode(data_set: DataSet, geometry: Geometry, mass: float, notes: list[str]) 
         )
         return None
     node, value = _values(data_set, head)
+    value = value.conj() if head.is_turned else value
     shape, scaled = _mass_normalised(head, value[:, :3].reshape(-1), frequency, damping, mass)
     return FoundModes(
         source=data_set.where,
