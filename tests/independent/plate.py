@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -30,6 +31,8 @@ class Plate:
         N/m per m against moving, N m/rad per m against turning.
     mesh : (int, int)
         Cells along x and y, two triangles each.
+    cut : tuple of float
+        Of a through crack x and y of its middle, its length, m, and 0 where it is along x, 1 along y; else empty.
     """
 
     length: float = 0.42
@@ -41,6 +44,7 @@ class Plate:
     translation: float = 2e9
     rotation: float = 2e4
     mesh: tuple[int, int] = (14, 9)
+    cut: tuple[float, ...] = ()
 
     @property
     def rigidity(self) -> float:
@@ -51,8 +55,21 @@ class Plate:
     def basis(self) -> Any:
         """Its finite elements."""
         sides = ((self.length, self.mesh[0]), (self.width, self.mesh[1]))
-        lines = (np.linspace(-side / 2.0, side / 2.0, n + 1) for side, n in sides)
-        return skfem.Basis(skfem.MeshTri.init_tensor(*lines), skfem.ElementTriArgyris(), intorder=10)
+        lines = [np.linspace(-side / 2.0, side / 2.0, n + 1) for side, n in sides]
+        if not self.cut:
+            return skfem.Basis(skfem.MeshTri.init_tensor(*lines), skfem.ElementTriArgyris(), intorder=10)
+        x, y, length, along = self.cut
+        (middle, across), axis = ((x, y), (y, x))[int(along)], int(along)
+        tips = middle - length / 2.0, middle + length / 2.0
+        # finer towards the tips, where curvatures grow as the root of the distance falls
+        part = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, 9))
+        within = tips[0] + length * np.concatenate([-part[1:3][::-1], part, 1.0 + part[1:3]])
+        within = within[np.abs(within) < sides[axis][0] / 2.0]
+        beside = across + length * np.array([-0.4, -0.15, 0.0, 0.15, 0.4])
+        beside = beside[np.abs(beside) < sides[1 - axis][0] / 2.0]
+        lines[axis], lines[1 - axis] = _with_lines(lines[axis], within), _with_lines(lines[1 - axis], beside)
+        whole = skfem.MeshTri.init_tensor(*lines)
+        return skfem.Basis(_slit(whole, axis, across, tips), skfem.ElementTriArgyris(), intorder=10)
 
     def rows(self, place: Array) -> Any:
         """Return deflections at places (n, 2) as rows over all freedoms, sparse."""
@@ -64,8 +81,14 @@ class Plate:
     ) -> tuple[Array, Array, Array]:
         """Return frequencies, Hz, and damping ratios (n_mode,), and deflections (n_place, n_mode), unit modal mass.
 
-        `planted` may hold "mass", "absorber", "spring", "patch", "hole", "stiffener", "edge" and "mounting".
+        `planted` may hold "mass", "absorber", "spring", "patch", "hole", "crack", "stiffener", "edge" and "mounting".
         """
+        if "crack" in planted:
+            one = planted["crack"]
+            broken = dataclasses.replace(self, cut=(one["x"], one["y"], one["length"], one["along"]))
+            return broken.modes(
+                n_mode, place, {key: v for key, v in planted.items() if key != "crack"}, damping=damping
+            )
         stiffness, mass = self._matrices(planted)
         at = self.rows(place)
         if "absorber" in planted:
@@ -181,3 +204,23 @@ def _with_absorber(
         mass.tocsc(),
         sp.hstack([at, sp.csr_array((at.shape[0], 1))]).tocsr() if n else at,
     )
+
+
+def _with_lines(line: Array, at: Sequence[float] | Array) -> Array:
+    """Return lines of a mesh with some through given places; inner ones that are closer to these than a fifth go."""
+    near = (line[1] - line[0]) / 5.0
+    keep = np.all(np.abs(line[:, None] - np.array(at)) > near, axis=1)
+    keep[[0, -1]] = True
+    return np.unique(np.concatenate([line[keep], at]))
+
+
+def _slit(mesh: Any, axis: int, across: float, tips: tuple[float, float]) -> Any:
+    """Return a mesh whose triangles on both sides of a line between two tips share no corner on it."""
+    p, t = mesh.p, mesh.t.copy()
+    on = np.abs(p[1 - axis] - across) < 1e-9
+    on &= (p[axis] > tips[0] + 1e-9) & (p[axis] < tips[1] - 1e-9)
+    split = np.flatnonzero(on)
+    above = p[1 - axis][t].mean(axis=0) > across
+    for k, vertex in enumerate(split):
+        t[(t == vertex) & above] = p.shape[1] + k
+    return skfem.MeshTri(np.hstack([p, p[:, split]]), t)

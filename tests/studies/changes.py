@@ -63,6 +63,7 @@ PLATE_DRAWS: dict[str, tuple[str, dict[str, tuple[float, float]], str, tuple[str
     ),
     "stiffer patch": ("patch", {"more": (0.3, 3.0), "radius": (0.02, 0.06)}, "more", ("stiffer_patch",)),
     "hole": ("hole", {"diameter": (0.02, 0.08)}, "diameter", ("hole",)),
+    "crack": ("crack", {"length": (0.03, 0.12)}, "length", ("crack",)),
     "stiffener": (
         "stiffener",
         {"width": (0.005, 0.03), "height": (1e-3, 4e-3), "length": (0.1, 0.25)},
@@ -351,6 +352,8 @@ def _plate_drawn(
     if key == "stiffener":
         values["angle"] = float(rng.uniform(0.0, np.pi))
         values |= {"x": 0.4 * values["x"], "y": 0.3 * values["y"]}  # within the plate, whatever its direction
+    if key == "crack":  # through, along one side, its tips within the plate
+        values |= {"x": 0.6 * values["x"], "y": 0.5 * values["y"], "along": float(rng.integers(2))}
     if "lost" in values:
         values["ratio"] = 1.0 - values["lost"]
     if "more" in values:
@@ -359,8 +362,14 @@ def _plate_drawn(
 
 
 def _plate_size(name: str, values: dict[str, float]) -> float:
-    size = {"added mass": "mass", "absorber": "mass", "spring": "stiffness", "hole": "diameter"}.get(name)
-    return float("nan") if size is None else values[size]
+    sizes = {
+        "added mass": "mass",
+        "absorber": "mass",
+        "spring": "stiffness",
+        "hole": "diameter",
+        "crack": "length",
+    }
+    return values[sizes[name]] if name in sizes else float("nan")
 
 
 def _moved(before: tuple[np.ndarray, ...], after: tuple[np.ndarray, ...]) -> float:

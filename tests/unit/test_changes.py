@@ -14,6 +14,7 @@ from scipy.stats import norm
 
 import model
 from model.stack.parts import EdgeSupport
+from tests.independent.plate import Plate
 from updating.changes.candidate import lines
 from updating.changes.compare import _verdict
 from updating.changes.fields import Fields
@@ -167,23 +168,34 @@ def test_a_size_is_integrated_over_a_half_normal_prior_that_ends_at_what_is_poss
             assert 0.0 <= found.amplitude[0] <= upper
 
 
+POINTS = np.stack(np.meshgrid(np.linspace(-0.14, 0.14, 7), np.linspace(-0.05, 0.05, 5)), axis=-1).reshape(
+    -1, 2
+)
+
+
 def changed_plate(planted):
     """Return a plate with a state that its whole equations of motion give, and the errors of that without a change."""
     own, made = fields(1, held=True, m=7)
     stiffness, mass = (own.assembly.matrix(target, own.theta).toarray() for target in "KM")
-    value, low = (
-        part[..., :7] for part in la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta))
-    )  # the modes of `made`
     more_stiff, more_mass = planted(own.assembly)
     square, vector = la.eigh(stiffness + more_stiff, mass + more_mass, subset_by_index=[0, 4])
-    points = np.stack(np.meshgrid(np.linspace(-0.14, 0.14, 7), np.linspace(-0.05, 0.05, 5)), axis=-1).reshape(
-        -1, 2
-    )
-    sensors = np.zeros((len(points), own.assembly.size))
-    sensors[:, own.assembly.slices()["w"]] = own.assembly.plan.point_rows("w", points).toarray()
-    size = np.linalg.norm(sensors @ vector, axis=0)
+    return beside_reference(own, made, square, sensors_of(own) @ vector)
+
+
+def sensors_of(own):
+    sensors = np.zeros((len(POINTS), own.assembly.size))
+    sensors[:, own.assembly.slices()["w"]] = own.assembly.plan.point_rows("w", POINTS).toarray()
+    return sensors
+
+
+def beside_reference(own, made, square, shape):
+    """Return modes of a changed plate beside the plate itself, the errors of that, and which equations bend."""
+    value, low = (
+        part[..., : made.n_mode] for part in la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta))
+    )  # the modes of `made`
+    sensors, size = sensors_of(own), np.linalg.norm(shape, axis=0)
     seen = size > 1e-3 * size.max()  # others move in the plane
-    square, shape = square[seen], (sensors @ vector / np.maximum(size, 1e-300))[:, seen]
+    square, shape = square[seen], (shape / np.maximum(size, 1e-300))[:, seen]
     n, no = np.count_nonzero(seen), np.zeros(0)
     nothing = np.full(n, 1e-5)
     state = State(
@@ -193,8 +205,8 @@ def changed_plate(planted):
     none = np.zeros(0, dtype=int)
     modal = Modal(
         eigenvalue=value, n_rigid=0, shape=low, rows=sensors @ own.basis @ low, moves=none, stiffness=no, mass=no,
-        damping=np.zeros((1, 7, 7)), damps=none, damping_change=no, looks=none, row_change=no, beyond=no,
-        beyond_rows=no, beyond_stiffness=no, beyond_mass=no,
+        damping=np.zeros((1, made.n_mode, made.n_mode)), damps=none, damping_change=no, looks=none, row_change=no,
+        beyond=no, beyond_rows=no, beyond_stiffness=no, beyond_mass=no,
     )  # fmt: skip
     errors = equation_errors(state, modal, np.full(n, 1e-4), 1)
     ours = Measured(weight=errors.weight, eigenvalue=square, scale=errors.latent.scale)
@@ -224,6 +236,37 @@ def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(
     error, left, first = (own[:, seen] for own in (error, left, first))
     assert np.linalg.norm(first) > 5e-3 * np.linalg.norm(error)
     assert np.linalg.norm(left) < 0.4 * np.linalg.norm(first)
+
+
+@pytest.mark.parametrize(
+    ("name", "planted", "number"),
+    [
+        ("crack", {"crack": {"x": -0.01, "y": 0.02, "length": 0.4, "along": 1.0}}, 3),
+        ("hole", {"hole": {"x": -0.01, "y": 0.02, "diameter": 0.34}}, 4),
+    ],
+)
+def test_a_long_crack_and_a_large_hole_act_as_other_finite_elements_have_them(name, planted, number):
+    """To first order they take far more than that: what is left carries less than it did."""
+    own, made = fields(1, held=True, m=12)
+    scale = float(np.sqrt(0.3 * 0.12))
+    (values,) = planted.values()
+    size = "length" if name == "crack" else "diameter"
+    # held at its lowest x, which is the lowest y here
+    plate = Plate(
+        length=0.12, width=0.3, thickness=0.004, young=2e11, poisson=0.28, density=7700.0, translation=1e6,
+        rotation=1e3, mesh=(8, 14),
+    )  # fmt: skip
+    f, _, shape = plate.modes(4, POINTS[:, ::-1], {name: values | {size: values[size] * scale}})
+    at, error, seen = beside_reference(own, made, (2.0 * np.pi * f) ** 2, shape)
+    kind = next(own for own in kinds() if own.name == name)
+    candidates = kind.candidates(made, np.array([[values["y"], values["x"]]]))
+    (i, *_) = np.flatnonzero(candidates.form == number)
+    assert kind.value(candidates.only(np.array([i])), np.ones(1))[0] == pytest.approx(values[size] * scale)
+    left = error + Condensed(at).change(kind, candidates, int(i))(np.ones(1))[0].reshape(error.shape)
+    first = error + Actions(at.ours).of(candidates)[i]
+    error, left, first = (own[:, seen] for own in (error, left, first))
+    assert np.linalg.norm(left) < 0.3 * np.linalg.norm(error)
+    assert np.linalg.norm(left) < 0.6 * np.linalg.norm(first)
 
 
 def test_what_the_reference_shares_cancels():

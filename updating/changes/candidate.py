@@ -116,7 +116,10 @@ class Kind:
         Whether that location may be anywhere; otherwise it is a clamp or an edge.
     exact : callable, optional
         The same as `value` of amplitudes that were estimated with the structure's answer
-        (`updating.changes.refined`); None where its rows hold to first order only, as beside the tip of a crack.
+        (`updating.changes.refined`); None where nothing but first order is known.
+    opened : callable, optional
+        Takes the structure and one candidate; returns how stresses open it, rows C' of the vectors, (r, m): C C' is
+        what an amplitude of 1 takes from the stiffness at loads that stay (`updating.changes.refined`).
     whole : float
         Largest amplitude then: 1 where that is all there is.
     splits : bool
@@ -131,6 +134,7 @@ class Kind:
     candidates: Callable[[Any, Vector], Candidates]
     value: Callable[[Candidates, Vector], Vector]
     exact: Callable[[Candidates, Vector], Vector] | None = amplitude
+    opened: Callable[[Any, Candidates], Vector] | None = None
     whole: float = np.inf
     local: bool = True
     on_plan: bool = True
@@ -183,15 +187,22 @@ def needs_clamps(structure: Structure) -> str | None:
     return None if stack.clamps and stack.n_lamina > 1 else "it has no clamps that press laminas together"
 
 
+_END = np.exp(-6.0)  # of a bell's height, below which it is nothing
+
+
 def bumps(grid: Grid, centre: Vector, radius: Vector) -> Any:
     """Return weights of bells about places, (n, n_point): areas where the bell is 1.
 
     Radii are (n,), or (n, 2) along x and y, infinite where a bell is a stripe.
     """
-    point, area = grid.point, grid.area
     along = radius[:, None] if radius.ndim == 1 else radius
-    square = np.sum(((centre[:, None] - point) / along[:, None]) ** 2, axis=2)
-    return sp.csr_array(np.where(square < 6.0, np.exp(-square) * area, 0.0))
+    x, y = (
+        np.exp(-(((centre[:, [axis]] - line) / along[:, [min(axis, along.shape[1] - 1)]]) ** 2))
+        for axis, line in enumerate((grid.x, grid.y))
+    )
+    bell = (x[:, :, None] * y[:, None]).reshape(len(centre), -1)[:, grid.inside.ravel()]
+    bell[bell < _END] = 0.0
+    return sp.csr_array(bell).multiply(grid.area).tocsr()
 
 
 def lines(

@@ -275,13 +275,13 @@ def _with_answers(structure: Condensed, own: _Tried, problems: Sequence[tuple[Ve
     the other, the likeliest by then first, and what the likeliest candidate of a form gains is gained by all of it.
     """
     form, log, refined = own.candidates.form, own.log.copy(), dict[int, Refined]()
-    every = np.unique(form)
-    for _ in range(min(MOST_REFINED, every.size)):
+    for _ in range(MOST_REFINED):
         each = scipy.special.logsumexp(log, axis=0)
-        mass = np.array([scipy.special.logsumexp(each[form == f]) for f in every])
-        left = np.where(np.isin(every, list(refined)), -np.inf, mass)
-        f = int(every[np.argmax(left)])
-        if left.max() < scipy.special.logsumexp(mass) + np.log(LEAST_SHARE):
+        mass = np.bincount(form, np.exp(each - each.max()))
+        left = mass.copy()
+        left[list(refined)] = 0.0
+        f = int(np.argmax(left))
+        if left[f] < LEAST_SHARE * mass.sum():
             break
         i = int(np.argmax(np.where(form == f, each, -np.inf)))
         refined[f] = refine(structure, own.kind, own.candidates, i, float(own.batch.effect[i]), problems)
@@ -438,13 +438,12 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
 def _size(own: _Tried) -> list[float]:
     """Return the ends of the interval of 90 % of a kind's size, its median between them.
 
-    An idealisation that is off is so in all modes alike, besides: by `IDEAL`, half of it once the structure's answer
-    is in.
+    An idealisation that is off is so in all modes alike, besides: by `IDEAL`.
     """
     levels, candidates = (0.05, 0.5, 0.95), own.candidates
     if own.refined and own.kind.exact is not None:
         values, logs = [], []
-        factor = np.exp(0.5 * IDEAL * _NODES)[:, None]
+        factor = np.exp(IDEAL * _NODES)[:, None]
         for form, one in own.refined.items():
             of = candidates.only(np.array([one.index]))
             trial = np.minimum(factor * one.amplitude, own.kind.whole)

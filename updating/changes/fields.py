@@ -194,6 +194,8 @@ class Fields:
         Lowest and highest measured natural frequency, Hz.
     further : (assembly.size, k), optional
         Vectors after the modes, in the equations of motion after reduction over the height.
+    like : Fields, optional
+        Those of the same structure with other vectors, whose grid these share.
     """
 
     stated: tuple[StatedTerm, ...] = ()
@@ -207,9 +209,12 @@ class Fields:
         theta: Mapping[str, float],
         band: tuple[float, float],
         further: Vector | None = None,
+        like: Fields | None = None,
     ) -> None:
         self.system, self.stack, self.theta, self.band, self.modes = system, system.stack, theta, band, modes
-        self.grid = grid_of(system)
+        self.grid: Grid = grid_of(system) if like is None else like.grid
+        # matrices that evaluate fields on the grid
+        self.evaluated: dict[tuple[Field, Derivative], Any] = {} if like is None else like.evaluated
         vectors = system.basis @ modes
         self.vectors = vectors if further is None else np.hstack([vectors, further])
         self.n_mode = self.vectors.shape[1]
@@ -304,7 +309,7 @@ class Fields:
         """Return them with further vectors after the modes."""
         further = self.system.basis @ coordinates
         further = further if answers is None else further + answers
-        return Fields(self.system, self.modes, self.theta, self.band, further)
+        return Fields(self.system, self.modes, self.theta, self.band, further, like=self)
 
     @cached_property
     def _plate(self) -> tuple[Any, Any, Any, Vector, Vector]:
@@ -346,16 +351,21 @@ class Fields:
         """Return a field at all grid points, (n_point, n_function, m)."""
         key = (field, derivative)
         if key not in self._rows:
-            self._rows[key] = self.at_points(self.grid.point, field, derivative)
+            if key not in self.evaluated:
+                plan = self.system.assembly.plan
+                self.evaluated[key] = plan.point_rows(field, self.grid.point, derivative)
+            self._rows[key] = self._seen(self.evaluated[key], field)
         return self._rows[key]
 
     def at_points(self, point: Vector, field: Field, derivative: Derivative = "") -> Vector:
         """Return a field, or a derivative, at points (n, 2), (n, n_function, m)."""
-        rows = self.system.assembly.plan.point_rows(field, point, derivative)
+        return self._seen(self.system.assembly.plan.point_rows(field, point, derivative), field)
+
+    def _seen(self, rows: Any, field: Field) -> Vector:
+        """Return what rows over the freedoms of a field see of the vectors, (n, n_function, m)."""
         coefficient = self.coefficient[field]
-        return np.asarray(
-            (rows @ coefficient.reshape(coefficient.shape[0], -1)).reshape(len(point), *coefficient.shape[1:])
-        )
+        seen = rows @ coefficient.reshape(coefficient.shape[0], -1)
+        return np.asarray(seen.reshape(rows.shape[0], *coefficient.shape[1:]))
 
     def _compressed(self, parts: Sequence[tuple[Field, Vector]]) -> list[Vector]:
         """Return matrices (r, n_function) whose squares are those of given ones (n, n_function), together."""
@@ -385,7 +395,8 @@ class Fields:
         return self.mean(self.layers[0], "w")
 
     @cached_property
-    def _plane_stress(self) -> tuple[float, float, float, float]:
+    def plane_stress(self) -> tuple[float, float, float, float]:
+        """Stiffness of the laminas in plane stress: q11, q12, q22, q66, Pa."""
         young = self.theta.get("young", 1.0)
         q11, q12, q22, q66 = (young * q for q in self.stack.material.plane_stress())
         return q11, q12, q22, q66
@@ -423,7 +434,7 @@ class Fields:
 
         The first of `rest` is of bending, the second of strains in the plane.
         """
-        q11, q12, q22, q66 = self._plane_stress
+        q11, q12, q22, q66 = self.plane_stress
         t = self.stack.pitch
         whole = np.array([[q11, q12, 0.0], [q12, q22, 0.0], [0.0, 0.0, q66]])
         even = (q11 + q22 + 2.0 * q12) / 4.0 * np.outer([1.0, 1.0, 0.0], [1.0, 1.0, 0.0])
@@ -437,7 +448,10 @@ class Fields:
 
     @kept
     def across(self, layer: Layer, angle: float) -> Vector:
-        """Return moment and force of laminas across a line, over the root of their stiffness, (n_point, R, m).
+        """Return moment and force of laminas across a line as a crack feels them, (n_point, R, m).
+
+        They are over the root of the stiffness. In its plane a crack opens 4 / (1 - nu**2) where a bent one turns
+        4 / ((3 + nu) (1 - nu)), and forces are larger by the root of the ratio.
 
         Parameters
         ----------
@@ -446,7 +460,7 @@ class Fields:
         angle : float
             Of the line against the x axis, rad.
         """
-        q11, q12, q22, q66 = self._plane_stress
+        q11, q12, q22, q66 = self.plane_stress
         t, (c, s) = self.stack.pitch, (-np.sin(angle), np.cos(angle))  # normal of the line
         stiff = c**4 * q11 + s**4 * q22 + 2.0 * c**2 * s**2 * (q12 + 2.0 * q66)
 
@@ -460,7 +474,8 @@ class Fields:
         rows = [normal(wxx, wyy, 2.0 * wxy) * np.sqrt(t**3 / 12.0 / stiff)]
         if self.stack.n_lamina > 1 or np.any(self.coefficient["u"]):
             ux, vy, uy, vx = self.lamina(layer, [("u", "x"), ("v", "y"), ("u", "y"), ("v", "x")])
-            rows.append(normal(ux, vy, uy + vx) * np.sqrt(t / stiff))
+            nu = self.stack.material.poisson
+            rows.append(normal(ux, vy, uy + vx) * np.sqrt(t / stiff * (3.0 + nu) / (1.0 + nu)))
         return np.concatenate(rows, axis=1)
 
     def along(self, angle: float) -> Vector:

@@ -8,6 +8,16 @@ measured frequency,
     dS(t) = t S_ll - t**2 S_lv (D_vv + t S_vv)**-1 S_vl,    S = dK - lambda dM,    D = K - lambda M,
 
 which is exact for any amplitude t within these coordinates (Guyan 1965; Leung 1978 at the frequency of each mode).
+
+What a crack or a hole takes is known at loads that stay, not at displacements: it opens until nothing more is carried
+across. There the static flexibility of the structure grows in proportion to t. With openings q whose energy is
+q' q / 2 in an endless plate, rows C' of the stress that opens them, and Lambda of the modes, the stiffness that is left
+follows as
+
+    dS(t) = -C_l (I / t + C_l' Lambda**-1 C_l - C_v' (D_vv**-1 - K_vv**-1) C_v)**-1 C_l',
+
+whatever static answers are known, for these are within the flexibility (eigenstrains: Mura 1987). The modes above
+move by v = D_vv**-1 C_v q.
 """
 
 from __future__ import annotations
@@ -67,20 +77,48 @@ class Condensed:
             Among which it is number `i`.
         """
         structure, stiffness, mass, seen = self._around(kind, candidates, i)
-        own = kind.candidates(structure, structure.located(candidates.place[i, None]))
+        m, steps, opened, adding = self.structure.n_mode, list[_Mode](), None, structure
+        if kind.opened is not None:  # mass that goes with it moves with the modes
+            opened, adding = kind.opened(structure, candidates.only(np.array([i]))), self.structure
+        own = kind.candidates(adding, structure.located(candidates.place[i, None]))
         (j,) = np.flatnonzero(own.form == candidates.form[i])
-        m, steps, parts = self.structure.n_mode, list[_Mode](), _matrices(own.only(np.array([j])))
+        chosen = own.only(np.array([j])).parts
+        parts = _matrices([part for part in chosen if opened is None or part.target == "M"])
         for errors, rows in zip(self.at.joint.errors[self.at.n_reference :], seen, strict=True):
             for r, value in enumerate(errors.eigenvalue):
-                s = _dynamic(parts, value)
-                mu, turn = la.eigh(s[m:, m:], stiffness - value * mass)
-                answers = turn.T @ s[m:, :m]
+                s = _dynamic(parts, value) if parts else np.zeros((m, m))
+                if opened is None:
+                    mu, turn = la.eigh(s[m:, m:], stiffness - value * mass)
+                    answers, moved = turn.T @ s[m:, :m], turn
+                else:
+                    mu, answers, moved = self._opening(opened, value, np.diag(mass))
                 size = np.linalg.norm(answers, axis=1)
                 used = size > _NOTHING * size.max(initial=0.0)
-                steps.append(
-                    _Mode(errors.latent, r, s[:m, :m], mu[used], answers[used], rows @ turn[:, used])
-                )
+                law = _Law(s[:m, :m], mu[used], answers[used], opens=opened is not None)
+                steps.append(_Mode(errors.latent, r, law, rows @ moved[:, used]))
         return Change(steps)
+
+    def _opening(self, opened: Vector, eigenvalue: float, inertia: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return what keeps openings closed at one measured mode, the stress that opens each, and what they move.
+
+        Parameters
+        ----------
+        opened : (r, m + k)
+            Rows C' of the modes and of the rest of the structure, whose stiffness is 1 each.
+        eigenvalue : float
+            Of the mode.
+        inertia : (k,)
+            Mass of the rest.
+        """
+        m = self.structure.n_mode
+        within, beyond = opened[:, :m], opened[:, m:]
+        modes, stiffness, _ = self.structure.matrices()
+        value = np.einsum("im,ij,jm->m", modes, stiffness, modes, optimize=True)
+        elastic = value > _NOTHING * value.max()
+        flexible = within[:, elastic] / np.sqrt(value[elastic])
+        answer = 1.0 / (1.0 - eigenvalue * inertia)
+        mu, turn = la.eigh(flexible @ flexible.T - (beyond * (answer - 1.0)) @ beyond.T)
+        return mu, turn.T @ within, (answer[:, None] * beyond.T) @ turn
 
     def _around(
         self, kind: Kind, candidates: Candidates, i: int
@@ -126,6 +164,38 @@ class Condensed:
         return structure, np.eye(found.shape[1]), np.diag(ratio[above]), seen
 
 
+@dataclass(frozen=True, eq=False)
+class _Law:
+    """What an amplitude does to one measured mode in the equations of the structure.
+
+    Attributes
+    ----------
+    within : (m, m) float
+        dK - lambda dM of an amplitude of 1 between the modes.
+    mu : (k,) float
+        The same of the rest of the structure, in coordinates in which its own dynamic stiffness is the identity; of
+        openings what keeps them closed.
+    answers : (k, m) float
+        The same between these coordinates and the modes; of openings the stress that opens them.
+    opens : bool
+        Whether the coordinates are openings.
+    """
+
+    within: Vector
+    mu: Vector
+    answers: Vector
+    opens: bool
+
+    def __call__(self, amplitude: Vector) -> tuple[Vector, Vector]:
+        """Return how the coordinates follow the modes, (n, k, m), and the change of their stiffness, (n, m, m)."""
+        t = amplitude[:, None]
+        off = 1.0 + t * self.mu
+        share = t / np.where(off > _LEAST, off, _LEAST)
+        yields = (share if self.opens else -share)[..., None] * self.answers
+        gives = -yields if self.opens else t[..., None] * yields
+        return yields, t[..., None] * self.within + self.answers.T @ gives
+
+
 class _Mode:
     """One measured mode in the equations of the structure with a change of any amplitude.
 
@@ -139,43 +209,29 @@ class _Mode:
         What shapes say of modal coordinates without a change.
     r : int
         Number of the mode.
-    within : (m, m) float
-        dK - lambda dM of an amplitude of 1 between the modes.
-    mu : (k,) float
-        The same of the rest of the structure, in coordinates in which its own dynamic stiffness is the identity.
-    answers : (k, m) float
-        The same between them and the modes.
+    law : _Law
+        What an amplitude does.
     seen : (n_dof, k) float
-        What sensors see of them.
+        What sensors see of the coordinates of that law.
     """
 
-    def __init__(
-        self, latent: Latent, r: int, within: Vector, mu: Vector, answers: Vector, seen: Vector
-    ) -> None:
-        self.within, self.mu, self.answers = within, mu, answers
-        self.scale, self.gap = latent.scale[r], latent.gap[r]
+    def __init__(self, latent: Latent, r: int, law: _Law, seen: Vector) -> None:
+        self.law, self.scale, self.gap = law, latent.scale[r], latent.gap[r]
         self.weight, self.eigenvalue = latent.weight[r], float(latent.eigenvalue[r])
-        self.sure, m = float(latent.sure[r]), len(within)
+        self.sure, m = float(latent.sure[r]), len(law.within)
         every = np.hstack([latent.modal.rows, seen])
         self.gram, self.shape = every.T @ every, every.T @ latent.shape[r]
         self.n, self.usual = m, _errors(np.diag(self.gap), self.gram[:m, :m], self.shape[:m], self.sure)
 
-    def _yields(self, amplitude: Vector) -> tuple[Vector, Vector]:
-        """Return V, (n, k, m), and the change of the dynamic stiffness between the modes, (n, m, m)."""
-        t = amplitude[:, None]
-        off = 1.0 + t * self.mu
-        yields = -(t / np.where(off > _LEAST, off, _LEAST))[..., None] * self.answers
-        return yields, t[..., None] * (self.within + self.answers.T @ yields)
-
     def shift(self, amplitude: float) -> float:
         """Return the change of the logarithm of the frequency, by Rayleigh's quotient."""
-        _, (stiffness,) = self._yields(np.array([amplitude]))
+        _, (stiffness,) = self.law(np.array([amplitude]))
         return float(np.arcsinh(0.5 * self.weight @ stiffness @ self.weight / self.eigenvalue))
 
     def change(self, amplitude: Vector) -> Vector:
         """Return by how much errors differ from those without a change, (n, m)."""
         m = self.n
-        yields, stiffness = self._yields(amplitude)
+        yields, stiffness = self.law(amplitude)
         map_ = np.diag(self.gap) - stiffness / self.scale[:, None]
         cross = self.gram[:m, m:] @ yields
         gram = self.gram[:m, :m] + cross + cross.transpose(0, 2, 1)
@@ -212,10 +268,10 @@ def _bordered(matrix: Vector, border: Vector) -> Vector:
     return np.block([[matrix, border[:n]], [border[:n].T, border[n:]]])
 
 
-def _matrices(own: Candidates) -> list[tuple[Part, Vector]]:
+def _matrices(parts: Sequence[Part]) -> list[tuple[Part, Vector]]:
     """Return what each part of one candidate adds for an amplitude of 1, as a matrix."""
     found = []
-    for part in own.parts:
+    for part in parts:
         row = sp.csr_array(part.weight)
         rows = part.rows[row.indices]
         flat = rows.reshape(-1, rows.shape[2])
@@ -300,17 +356,18 @@ def refine(
     most = min(kind.whole, candidates.upper, 4.0 * float(scale[-1]))
     coarse = np.geomspace(0.02 * min(float(scale[0]), most), most, _N_COARSE)
     middle = len(problems) // 2
-    rough = _log_likelihood(change, coarse, problems[middle])[0] + _log_prior(coarse, scale, most)
+    rough = _log_likelihood(change(coarse), problems[middle])[0] + _log_prior(coarse, scale, most)
     top = int(np.argmax(rough))
     near = np.flatnonzero(rough > rough[top] - _DEEP)
     low, high = coarse[max(near[0] - 1, 0)], coarse[min(near[-1] + 1, _N_COARSE - 1)]
     close = np.linspace(low, high, _N_CLOSE)
-    best = close[int(np.argmax(_log_likelihood(change, close, problems[middle])[0]))]
+    best = close[int(np.argmax(_log_likelihood(change(close), problems[middle])[0]))]
     step = close[1] - close[0]
     closest = np.linspace(max(best - 3.0 * step, low), min(best + 3.0 * step, high), _N_CLOSE)
     amplitude = np.unique(np.concatenate([coarse, close, closest]))
     width = np.log(np.maximum(np.gradient(amplitude), 1e-300)) + _log_prior(amplitude, scale, most)
-    found = [_log_likelihood(change, amplitude, problem) for problem in problems]
+    moved = change(amplitude)
+    found = [_log_likelihood(moved, problem) for problem in problems]
     log = np.array([own + width for own, _ in found])
     at = amplitude[int(np.argmax(log[middle] - width + _log_prior(amplitude, scale, most)))]
     return Refined(
@@ -322,13 +379,19 @@ def refine(
     )
 
 
-def _log_likelihood(
-    change: Change, amplitude: Vector, problem: tuple[Vector, Vector]
-) -> tuple[Vector, float]:
-    """Return the logarithm of the likelihood over that of no change, (n,), and the largest fall of the misfit."""
+def _log_likelihood(moved: Vector, problem: tuple[Vector, Vector]) -> tuple[Vector, float]:
+    """Return the logarithm of the likelihood over that of no change, (n,), and the largest fall of the misfit.
+
+    Parameters
+    ----------
+    moved : (n, N)
+        Changes of the errors.
+    problem : ((N,), (N, N))
+        Errors without a change and the lower Cholesky factor of their covariance.
+    """
     error, root = problem
     white = la.solve_triangular(
-        root, np.column_stack([error, (error + change(amplitude)).T]), lower=True, check_finite=False
+        root, np.column_stack([error, (error + moved).T]), lower=True, check_finite=False
     )
     misfit = np.sum(white**2, axis=0)
     return 0.5 * (misfit[0] - misfit[1:]), float(max(misfit[0] - misfit[1:].min(), 0.0))

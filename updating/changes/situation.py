@@ -35,9 +35,10 @@ IN_FULL = 0.9
 REACHED = 0.9
 """Share of a shape's square that the model's modes reach, below which a measured mode is none of the structure's."""
 
-IDEAL = 0.15
-"""Share by which a kind of change is off, as an idealisation of what happened and taken to first order: its effect on
-each eigenvalue counts as a scatter of that share of all shifts."""
+IDEAL = 0.1
+"""Share by which a kind of change is off, as an idealisation of what happened: its effect on each eigenvalue counts as
+a scatter of that share of all shifts. Cracks of 140 mm in a plate of 300 mm, which other finite elements slit open,
+differ by 9 % from the law of `updating.changes.kinds.crack` once the amplitude is fitted."""
 
 TWIN = 0.7
 """Cosine between the modal coordinates of two modes of one state from which they are one that was identified twice."""

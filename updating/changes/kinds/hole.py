@@ -9,41 +9,62 @@ Woinowsky-Krieger, Theory of Plates and Shells, 1959).
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
 
 from updating.changes.candidate import Candidates, Kind, at_heights, bumps, crossed, needs_laminas, plain
 from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part
 
-_RADII = np.array([0.02, 0.05, 0.1])
-"""Over the root of the plan's area, of bells over which the energy is averaged: a hole is about as large."""
+_RADII = np.array([0.02, 0.035, 0.06, 0.1, 0.17])
+"""Of holes over the root of the plan's area."""
+_MOST = 2.0  # a hole may be larger than its neighbour in this list is
+_LEAST = 1e-6  # of the largest energy: the rest is none
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return holes, their area being the size."""
-    scale = float(np.sqrt(fields.grid.area.sum()))
-    radius, centre = crossed(np.maximum(_RADII * scale, 1.5 * _step(fields)), at)
-    bell = bumps(fields.grid, centre, radius)
-    share = bell.multiply(1.0 / np.maximum(np.asarray(bell.sum(axis=1)), 1e-300)[:, None]).tocsr()
-    whole = fields.layers[0]
-    area = fields.grid.area.sum()
+    """Return holes of several radii; an amplitude of 1 is all that is within the outline."""
+    radius, centre = crossed(float(np.sqrt(fields.grid.area.sum())) * _RADII, at)
+    share, whole = _share(fields, centre, radius), fields.layers[0]
     return plain(
         at_heights(centre, 0.0),
         (
             Part(rows=fields.around_hole(whole), target="K", weight=-share),
-            Part(rows=fields.motion(whole), target="M", weight=-fields.mass / area * share),
+            Part(rows=fields.motion(whole), target="M", weight=-fields.mass / fields.grid.area.sum() * share),
         ),
+        extra=radius,
         n_cell=len(at),
-        upper=0.1 * float(area),
+        upper=_MOST,
     )
+
+
+def _opened(fields: Fields, own: Candidates) -> Vector:
+    """Return how the stresses about one hole strain it; see `Kind.opened`."""
+    share = _share(fields, own.place[:, :2], own.extra)
+    rows = fields.around_hole(fields.layers[0])[share.indices] * np.sqrt(share.data)[:, None, None]
+    # as few rows that have the same squares
+    value, axes = la.eigh(np.tensordot(rows, rows, axes=((0, 1), (0, 1))))
+    keep = value > _LEAST * value[-1]
+    return np.asarray(np.sqrt(value[keep])[:, None] * axes[:, keep].T)
+
+
+def _share(fields: Fields, centre: Vector, radius: Vector) -> sp.csr_array:
+    """Return bells as wide as holes about places, (n, n_point): areas, which sum to a hole's where it is within.
+
+    A disc's mean square distance from its middle is half the square of its radius, a bell's the square of its own.
+    """
+    wide = np.maximum(radius / np.sqrt(2.0), 1.5 * _step(fields))
+    return sp.csr_array(bumps(fields.grid, centre, wide).multiply((radius / wide)[:, None] ** 2))
 
 
 def _step(fields: Fields) -> float:
     return float(max(fields.grid.x[1] - fields.grid.x[0], fields.grid.y[1] - fields.grid.y[0]))
 
 
-def _diameter(candidates: Candidates, found: Vector) -> Vector:  # noqa: ARG001
-    """Return the diameter of a round hole of an area, m."""
-    return np.asarray(np.sqrt(4.0 * found / np.pi))
+def _diameter(candidates: Candidates, found: Vector) -> Vector:
+    """Return the diameter of a hole whose area is an amplitude's share of that of a candidate, m."""
+    radius = candidates.extra.reshape(-1, *(1,) * (found.ndim - 1))
+    return np.asarray(2.0 * radius * np.sqrt(found))
 
 
 KIND = Kind(
@@ -54,5 +75,6 @@ KIND = Kind(
     why_not=needs_laminas,
     candidates=candidates,
     value=_diameter,
-    exact=None,
+    exact=_diameter,
+    opened=_opened,
 )
