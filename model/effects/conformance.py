@@ -17,7 +17,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from model.effects.catalogue import catalogue
-from model.elements.equations import OMEGA, Assembly, Target, Term
+from model.elements.equations import OMEGA, Assembly, Riding, Target, Term
 from model.elements.mesh import FIELDS
 from model.elements.terms import rigid_body_modes
 from model.modes.modes import Modes, Observation, observe, solve_modes
@@ -185,6 +185,9 @@ def _symmetry(_: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
 def _definiteness(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
     words = {"M": "not positive", "C": "negative for some motion", "K": "negative for some motion"}
     targets = dict.fromkeys(term.target for term in _own(assembly, base))
+    # What rides on a spring has a negative apparent mass above its resonance, as it must.
+    steady = tuple(term for term in assembly.terms if not isinstance(term.factor, Riding))
+    assembly = dataclasses.replace(assembly, terms=steady)
     for pressure in _PRESSURES:
         mass, allowed = _reference(base, pressure)
         positive = dict[tuple[Target, tuple[float, ...]], bool]()  # of factors, which corners may share

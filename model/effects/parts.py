@@ -237,6 +237,23 @@ def clamp_unit_mass(assembly: Assembly, clamp: Clamp) -> tuple[Kron, ...]:
     return tuple(square(field, mean_over(assembly, field, place, clamp.footprint), z) for field in FIELDS)
 
 
+def rigid_clamp(assembly: Assembly, clamp: Clamp) -> tuple[Kron, ...]:
+    """Return what a rigid mass of 1 kg moves as: the mean of what a clamp presses, and its rocking over the height.
+
+    The part of `clamp_unit_mass` that is a rigid body's.
+    """
+    share = height_shares(clamp, assembly.stack.n_lamina)
+    height = np.linspace(-0.5, 0.5, share.size)
+    rocking = share * height / np.sqrt(share @ height**2) if share.size > 1 else None
+    place = (clamp.x, clamp.y)
+    rows = {field: mean_over(assembly, field, place, clamp.footprint) for field in FIELDS}
+    krons = [square(field, row, sp.csr_array(np.outer(share, share))) for field, row in rows.items()]
+    if rocking is not None:
+        z = sp.csr_array(np.outer(rocking, rocking))
+        krons += [square(field, rows[field], z) for field in ("u", "v")]
+    return tuple(krons)
+
+
 def point_mass(
     assembly: Assembly, effect: str, parameter: str, points: Vector, share: float = 1.0
 ) -> tuple[Term, ...]:

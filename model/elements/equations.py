@@ -144,6 +144,48 @@ class Product:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Riding:
+    """The factor of a unit mass that rides on a spring: what its apparent mass m / (1 - omega^2 m c) is above m.
+
+    Line by line it is this factor (Den Hartog, Mechanical Vibrations, 3.2). In reduced matrices the mass has
+    coordinates of its motion on the spring instead (`model.reduction.riding`), and modes are those of constant ones.
+
+    Attributes
+    ----------
+    mass : float
+        The mass m, kg.
+    compliance : callable
+        From the parameters to the compliance c of its seat, m/N; analytic as the function of a `Formula`.
+    share : callable
+        From the parameters to the share of the mass that rides, from 0 to 1; analytic as well.
+    loss : float
+        Loss factor of the seat, which bounds the apparent mass: that of bolted joints that slip (Ibrahim and Pettit,
+        J. Sound Vib. 279, 2005).
+    """
+
+    mass: float
+    compliance: Callable[[Theta], Any]
+    share: Callable[[Theta], Any]
+    loss: float = 0.1
+
+    def _gain(self, t: Theta) -> Any:
+        x = t[OMEGA] ** 2 * self.mass * self.compliance(t)
+        return self.share(t) * self.mass * x * (1.0 - x) / ((1.0 - x) ** 2 + self.loss**2)
+
+    def __call__(self, theta: Mapping[str, float]) -> float:
+        """Return the value at the parameters `theta`, kg."""
+        return Formula(self._gain)(theta)
+
+    def derivative(self, theta: Mapping[str, float], name: str) -> float:
+        """Return the derivative by the parameter `name` at `theta`."""
+        return Formula(self._gain).derivative(theta, name)
+
+    def names(self, theta: Mapping[str, float]) -> frozenset[str]:
+        """Return the parameters on which it depends at `theta`."""
+        return Formula(self._gain).names(theta)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Kron:
     """One Kronecker product; where `row` and `column` differ, its transpose is meant as well.
 

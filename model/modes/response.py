@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Literal, get_args
 
@@ -10,7 +11,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
-from model.elements.equations import OMEGA, Target, Term
+from model.elements.equations import OMEGA, Riding, Target, Term
 from model.modes.modes import Observation, full_parameters, observe
 from model.reduction.reduction import ReducedSystem, shifted_factor
 from model.solvers.eigen import orthonormalize
@@ -81,19 +82,24 @@ def frf(
 def _with_attachments(
     system: ReducedSystem, theta: Mapping[str, float], load: sp.csr_matrix
 ) -> tuple[dict[Target, NDArray[np.float64]], NDArray[np.float64]]:
-    """Return the matrices in the reduced basis extended by the attachment vectors of loads, and that basis."""
-    assembly = system.assembly
-    krons = {target: assembly.krons(target, theta) for target in get_args(Target)}
+    """Return the matrices in the reduced basis extended by the attachment vectors of loads, and that basis.
 
-    factor = shifted_factor(system.assembly, theta)
+    Without what rides on the structure, which acts line by line.
+    """
+    steady = [term for term in system.assembly.terms if not isinstance(term.factor, Riding)]
+    assembly = dataclasses.replace(system.assembly, terms=tuple(steady))
+    krons = {target: assembly.krons(target, theta) for target in get_args(Target)}
+    n, displaced = system.n_displaced, system.basis[:, : system.n_displaced]
+
+    factor = shifted_factor(assembly, theta)
     attachment, _ = orthonormalize(
         factor.solve(load.T.toarray()),
         lambda x: assembly.apply(krons["M"], x),
-        [(system.basis, assembly.apply(krons["M"], system.basis))],
+        [(displaced, assembly.apply(krons["M"], displaced))],
     )
-    basis = np.hstack([system.basis, attachment])
+    basis = np.hstack([displaced, attachment])
     reduced = {
-        target: _bordered(system.matrix(target, theta), basis.T @ assembly.apply(parts, attachment))
+        target: _bordered(system.matrix(target, theta)[:n, :n], basis.T @ assembly.apply(parts, attachment))
         for target, parts in krons.items()
     }
     return reduced, basis
@@ -130,7 +136,8 @@ def _superposed(
 ) -> NDArray[np.complex128]:
     """Return the receptances (n_output, n_input, n_frequency) of matrices in a basis.
 
-    `following` are the terms whose factor depends on frequency; the matrices have them at that of `theta`.
+    `following` are the terms whose factor depends on frequency; the matrices have them at that of `theta`, but nothing
+    of what rides on the structure.
     """
     value = np.empty((response.shape[0], load.shape[1], omega.size), dtype=complex)
     for first in range(0, omega.size, _LINES_AT_ONCE):
@@ -138,7 +145,8 @@ def _superposed(
         dynamic = reduced["K"] + 1j * lines * reduced["C"] - lines**2 * reduced["M"]
         for term, matrix in following:
             at = [term.factor({**theta, OMEGA: float(line)}) for line in lines.ravel()]
-            change = np.array(at)[:, None, None] - term.factor(theta)
+            held = 0.0 if isinstance(term.factor, Riding) else term.factor(theta)
+            change = np.array(at)[:, None, None] - held
             power = {"K": 0, "C": 1, "M": 2}[term.target]
             dynamic += change * (1j * lines) ** power * matrix
         solved = np.linalg.solve(dynamic, np.broadcast_to(load, (lines.size, *load.shape)))

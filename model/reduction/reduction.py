@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from lamella_shared import readonly
 from model.contact.contact import contact_terms
 from model.contact.pressing import pressure_distribution
-from model.elements.equations import OMEGA, Assembly, Term
+from model.elements.equations import OMEGA, Assembly, Riding, Term
 from model.elements.mesh import FIELDS, Field, plan_of
 from model.elements.terms import clamp_terms, lamina_terms, rigid_body_modes, support_terms
 from model.reduction.effect_basis import (
@@ -34,6 +34,7 @@ from model.reduction.effect_basis import (
 )
 from model.reduction.projection import projected_terms
 from model.reduction.reduced_equations import ReducedEquations, ReducedTerm, full, in_ranges
+from model.reduction.riding import riding_terms
 from model.reduction.through_thickness import (
     FREE,
     N_RIGID,
@@ -124,7 +125,10 @@ class ReducedSystem(ReducedEquations):
     assembly : Assembly
         The equations of motion after reduction over z.
     basis : (assembly.size, n)
-        Snapshot basis, orthonormal in the mass of the nominal parameters; the rigid-body modes come first.
+        Snapshot basis, orthonormal in the mass of the nominal parameters; the rigid-body modes come first. Columns of 0
+        follow for what rides on the structure.
+    n_displaced : int
+        Columns of the basis that displace the structure.
     laminas : Assembly
         The equations of motion of all laminas, before any reduction.
     """
@@ -132,6 +136,7 @@ class ReducedSystem(ReducedEquations):
     phi: Mapping[Field, NDArray[np.float64]]
     assembly: Assembly
     basis: NDArray[np.float64]
+    n_displaced: int
     laminas: Assembly
 
     def __post_init__(self) -> None:
@@ -267,12 +272,17 @@ def _from_snapshots(
     starts = [snapshot[:, n_rigid(stack) :] for snapshot in over_z.snapshots[: len(outer)]]
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
     basis, n_base = _snapshot_basis(assembly, samples, starts, rigid, kinds, local, n_mode)
+    n_displaced = basis.shape[1]
+    riding, n_riding = riding_terms(assembly, basis)
+    steady = [term for term in assembly.terms if not isinstance(term.factor, Riding)]
+    basis = np.hstack([basis, np.zeros((len(basis), n_riding))])
     return ReducedSystem(
         stack=stack,
         phi=over_z.phi,
         assembly=assembly,
         basis=basis,
-        terms=reduced_terms(assembly, basis),
+        n_displaced=n_displaced,
+        terms=(*reduced_terms(dataclasses.replace(assembly, terms=tuple(steady)), basis), *riding),
         theta=assembly.theta,
         ranges=box,
         n_base=n_base,

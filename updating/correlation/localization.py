@@ -464,8 +464,9 @@ def _span(
     factor = shifted_factor(system.assembly, theta)
     static = factor.solve(rows.T.toarray())
     answers = np.hstack([static, factor.solve(product(static))])
-    attachment, _ = orthonormalize(answers, product, [(system.basis, product(system.basis))])
-    basis = np.hstack([system.basis, attachment])
+    displaced = system.basis[:, : system.n_displaced]
+    attachment, _ = orthonormalize(answers, product, [(displaced, product(displaced))])
+    basis = np.hstack([displaced, attachment])
     return basis, np.asarray(rows @ basis)
 
 

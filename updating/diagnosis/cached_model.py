@@ -32,9 +32,10 @@ from model import (
 from model.contact.pressure import InterfaceLaw, PressureField
 from model.effects import parts
 from model.effects.catalogue import shipped
-from model.elements.equations import Formula, Product
+from model.elements.equations import Formula, Product, Riding
 from model.elements.mesh import Plan, plan_on
 from model.reduction.reduced_equations import InRange, ReducedTerm
+from model.reduction.riding import RidingPart
 from model.stack.inputs import CompressionCurve
 from model.stack.outline import Outline, Triangulation
 from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, Material, PatchSupport, Pressing
@@ -49,7 +50,7 @@ N_CACHED = 3
 _TYPES = (
     Assembly, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, InRange, Instruments, InterfaceLaw,
     Interlayer, Kron, Material, Mesh, Monomial, Outline, PatchSupport, Pressing, PressureField, Product,
-    ReducedEquations, ReducedSystem, ReducedTerm, Stack, Term, Triangulation,
+    ReducedEquations, ReducedSystem, ReducedTerm, Riding, RidingPart, Stack, Term, Triangulation,
 )  # fmt: skip
 
 

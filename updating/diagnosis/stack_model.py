@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from model import Effect, Observation, Parameter, ReducedEquations, observe, shared_parameters
 from model.elements.equations import OMEGA
-from model.reduction.reduced_equations import ReducedTerm, generic
+from model.reduction.reduced_equations import ReducedTerm, full, generic
+from model.reduction.riding import RidingPart
 from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel
 from updating.diagnosis.coordinates import scaled
@@ -184,6 +185,19 @@ class StackModel:
         rigid = int(np.count_nonzero(value < self.rigid))
         most = max(state.frequency.size for state in self.states)
         return max(int(np.count_nonzero(value < (2.0 * np.pi * top) ** 2)), rigid + most + spare)
+
+    def n_riding(self, names: Collection[str]) -> int:
+        """Return how many modes what rides on the structure has, where coordinates let it: one of all that can."""
+        return max((n for moved_by, n in self._riding if moved_by.intersection(names)), default=0)
+
+    @cached_property
+    def _riding(self) -> list[tuple[frozenset[str], int]]:
+        """The parameters of what rides on the structure, and the number of its motions."""
+        return [
+            (term.factor.names(self.equations.theta), int(np.count_nonzero(np.diag(full(term.matrix)) > 0.5)))
+            for term in self.equations.terms
+            if isinstance(term.factor, RidingPart) and term.factor.part == "own"
+        ]
 
     @property
     def touching(self) -> bool:

@@ -57,7 +57,7 @@ class StackNear:
 
     def __init__(self, whole: Whole, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> None:
         self.whole, self.names = whole, [c.name for c in coordinates]
-        self.n_equation = whole.n_equation
+        self.n_equation = whole.n_equation + whole.n_riding(self.names)
         self.at = {name: i for i, name in enumerate(self.names)}
         self.first = dict(zip(self.names, points[0], strict=True))
         known = whole.parameters
@@ -268,6 +268,7 @@ class StackNear:
         part.far = [n for n in self.far if n in part.at]
         part.near, part.sized = ([n for n in names if n in part.at] for names in (self.near, self.sized))
         part.moving = frozenset(part.far)
+        part.n_equation = self.whole.n_equation + self.whole.n_riding(part.names)
         neutral = [self.whole.theta(dict.fromkeys(part.names, 0.0), c)[0] for c in range(len(self.rows))]
         moving = part.moving | {OMEGA}
         there = [p for p in self.parts if p.needs <= part.moving]
@@ -481,28 +482,25 @@ class StackNear:
     ) -> tuple[Vector | None, dict[int, Vector]]:
         """Return the stiffness that each measured mode feels beside that at the middle frequency, and its derivatives.
 
-        As (n_measured, n_equation, n_equation), None where nothing depends on frequency; derivatives by coordinate. A
-        mass that depends on it counts as minus omega_r**2 times its change.
+        As (n_measured, n_equation, n_equation), None where nothing depends on frequency; derivatives by coordinate.
         """
         stiffness, changes = None, dict[int, Vector]()
         at_modes = self._at_modes(theta, state)
-        inertia = -np.array([at[OMEGA] ** 2 for at in at_modes])
-        for target, scale in (("K", np.ones(len(at_modes))), ("M", inertia)):
-            for p, block in zip(self.of_target[target], between[target], strict=True):
-                if OMEGA not in p.names:
-                    continue
-                square = block[: self.n_equation]
-                away = scale * (np.array([p.factor(t) for t in at_modes]) - p.factor(theta))
-                if np.any(away):
-                    change = away[:, None, None] * square
-                    stiffness = change if stiffness is None else stiffness + change
-                for name in sorted(p.names & self.moving):
-                    here = p.factor.derivative(theta, name)
-                    rate = scale * (np.array([p.factor.derivative(t, name) for t in at_modes]) - here)
-                    if np.any(rate):
-                        for i in self._columns(name, state):
-                            change = (rate * slope[name])[:, None, None] * square
-                            changes[i] = changes[i] + change if i in changes else change
+        for p, block in zip(self.of_target["K"], between["K"], strict=True):
+            if OMEGA not in p.names:
+                continue
+            square = block[: self.n_equation]
+            away = np.array([p.factor(t) for t in at_modes]) - p.factor(theta)
+            if np.any(away):
+                change = away[:, None, None] * square
+                stiffness = change if stiffness is None else stiffness + change
+            for name in sorted(p.names & self.moving):
+                here = p.factor.derivative(theta, name)
+                rate = np.array([p.factor.derivative(t, name) for t in at_modes]) - here
+                if np.any(rate):
+                    for i in self._columns(name, state):
+                        change = (rate * slope[name])[:, None, None] * square
+                        changes[i] = changes[i] + change if i in changes else change
         return stiffness, changes
 
     def _slipping(

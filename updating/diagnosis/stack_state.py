@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -67,6 +67,9 @@ class Whole(Protocol):
 
     def theta(self, at: Mapping[str, float], state: int) -> tuple[dict[str, float], dict[str, float]]:
         """Return the model's parameters in a state at coordinates by name, and their derivatives by coordinates."""
+
+    def n_riding(self, names: Collection[str]) -> int:
+        """Return how many modes what rides on the structure has, where coordinates let it."""
 
     def finer_mesh(self, theta: Mapping[str, float]) -> tuple[Vector | None, Vector]:
         """Return what a finer mesh adds to the stiffness between the modes of the plain stack, and M times these."""

@@ -37,7 +37,7 @@ from updating.inference.tree_evidence import tree_evidence
 
 Vector = NDArray[np.float64]
 
-_DAMP = 1e-6  # of steps at first: below what priors add to data
+DAMP = 1e-6  # of steps at first: below what priors add to data
 _STUCK = 300.0  # of the damping, relative to the curvature, from which steps are too short to matter
 
 
@@ -173,13 +173,14 @@ def errors_at(model: Model, local: LocalModel, setting: Setting, x: Vector) -> t
 
 
 @dataclass(frozen=True, eq=False)
-class _Cost:
+class Cost:
     """The cost of a step: minus the logarithm of the posterior density at given sizes of the discrepancy."""
 
     precision: Vector
     sizes: Sizes
 
     def total(self, problem: Problem | TreeProblem, weighed: Weighed, x: Vector) -> float:
+        """Return the cost at coordinates of a problem that is weighed with its sizes."""
         prior = float(np.sum(self.precision * x**2))
         return 0.5 * (weighed.misfit + prior) + weighed.log - problem.log_map
 
@@ -360,23 +361,21 @@ def converged(
     for _ in range(rounds):
         if here is None or (local is None and np.any(np.abs(x - made) > near)):
             here, made = model.about(coordinates, [x]), x
-        errors, problem, white = _weighed_at(model, here, setting, x, sizes)
+        errors, problem, white = weighed_at(model, here, setting, x, sizes)
         if best is not None and here is not at_end:  # the model is another
             sizes = _evidence(problem, x, precision, log_prior, setting.priors, sizes)[0].sizes
             white = problem.weighed(sizes)
-        cost = _Cost(precision, sizes)
-        at, damp = cost.total(problem, white, x), _DAMP
+        cost = Cost(precision, sizes)
+        at, damp = cost.total(problem, white, x), DAMP
         course.append(at)
         for _ in range(steps):
             after = np.inf
             slope, hessian = _newton(white, problem, x, cost)
             while not after < at and damp < _STUCK:  # it may be no number
-                trial = step_within(slope, hessian, x, coordinates, damp=damp)
-                try:
-                    tried = _weighed_at(model, here, setting, trial, sizes)
+                trial, after = step_within(slope, hessian, x, coordinates, damp=damp), np.inf
+                with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there: step less far
+                    tried = weighed_at(model, here, setting, trial, sizes)
                     after = cost.total(tried[1], tried[2], trial)
-                except (np.linalg.LinAlgError, ValueError):  # the model has no modes there: step less far
-                    after = np.inf
                 damp = damp if after < at else max(8.0 * damp, 1e-2)
             if not after < at:
                 break
@@ -385,6 +384,7 @@ def converged(
             course.append(at)
             if course[-2] - at < small * setting.loose:
                 break
+        problem = _curved(model, here, setting, problem, white, x, coordinates, cost)
         marginal, std = _evidence(problem, x, precision, log_prior, setting.priors, sizes)
         gain = np.inf if best is None else abs(marginal.log - best.log_evidence)
         best = Explanation(
@@ -407,96 +407,45 @@ def converged(
     return best
 
 
-def _weighed_at(
+def _curved(
+    model: Model,
+    local: LocalModel,
+    setting: Setting,
+    problem: Problem | TreeProblem,
+    white: Weighed,
+    x: Vector,
+    coordinates: Sequence[Coordinate],
+    cost: Cost,
+) -> Problem | TreeProblem:
+    """Return a problem with the curvature of the cost along coordinates of terms in which errors are stationary.
+
+    Such is the number of a clamp at its clamp: its derivative is 0 there, and Gauss and Newton's Hessian knows nothing.
+    """
+    added = np.zeros(x.size)
+    for i in range(len(model.nuisances), x.size):
+        c, known = coordinates[i], white.hessian[i, i] + problem.curvature[i, i]
+        if c.lower == c.upper or known > cost.precision[i]:
+            continue
+        rises = list[float]()
+        for step in (-c.step, c.step):
+            to = x.copy()
+            to[i] = np.clip(x[i] + step, c.lower, c.upper)
+            if abs(to[i] - x[i]) > 0.5 * c.step:
+                with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+                    rise = cost.total(*weighed_at(model, local, setting, to, cost.sizes)[1:], to)
+                    rises.append(2.0 * (rise - cost.total(problem, white, x)) / (to[i] - x[i]) ** 2)
+        if rises:
+            added[i] = max(float(np.mean(rises)) - known - float(cost.precision[i]), 0.0)
+    return replace(problem, curvature=problem.curvature + np.diag(added)) if added.any() else problem
+
+
+def weighed_at(
     model: Model, local: LocalModel, setting: Setting, x: Vector, sizes: Sizes
 ) -> tuple[tuple[Errors, ...], Problem | TreeProblem, Weighed]:
     """Return the errors of all states at coordinates, joined, and over their covariance."""
     errors = errors_at(model, local, setting, x)
     problem = setting.join(errors, x.size)
     return errors, problem, problem.weighed(sizes)
-
-
-def outlook(
-    model: Model,
-    terms: Sequence[Term],
-    setting: Setting,
-    x: Vector,
-    local: LocalModel,
-    sizes: Sizes,
-) -> tuple[float, Vector]:
-    """Return the expected negative cost after one step from some coordinates, and the coordinates there.
-
-    Parameters
-    ----------
-    model, terms, setting, local, sizes
-        As `explain` takes them.
-    x : (n_coordinate,)
-        Coordinates.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The model has no modes there.
-    """
-    total, slope, hessian = _looked(model, terms, setting, x, local, sizes)
-    to = step_within(slope, hessian, x, coordinates_of(model, terms))
-    step = to - x
-    return -total - float(slope @ step + 0.5 * step @ hessian @ step), to
-
-
-def descended(
-    model: Model,
-    terms: Sequence[Term],
-    setting: Setting,
-    x: Vector,
-    local: LocalModel,
-    sizes: Sizes,
-    *,
-    steps: int,
-    small: float = 1.0,
-) -> tuple[float, Vector]:
-    """Return the negative cost to which some damped steps lead, and the coordinates there.
-
-    Parameters
-    ----------
-    model, terms, setting, x, local, sizes
-        As `outlook` takes them.
-    steps : int
-        Most steps that are tried; one that raises the cost is not taken.
-    small : float
-        Fall of the cost that ends them.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The model has no modes at `x`.
-    """
-    coordinates = coordinates_of(model, terms)
-    (at, slope, hessian), damp = _looked(model, terms, setting, x, local, sizes), _DAMP
-    for _ in range(steps):
-        trial, after = step_within(slope, hessian, x, coordinates, damp=damp), np.inf
-        with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there: step less far
-            after, *there = _looked(model, terms, setting, trial, local, sizes)
-        if not after < at:
-            damp = max(8.0 * damp, 1e-2)
-            continue
-        fall, at, x, (slope, hessian), damp = at - after, after, trial, there, damp / 5.0
-        if fall < small:
-            break
-    return -at, x
-
-
-def _looked(
-    model: Model, terms: Sequence[Term], setting: Setting, x: Vector, local: LocalModel, sizes: Sizes
-) -> tuple[float, Vector, Vector]:
-    """Return the cost at some coordinates, its slope and its curvature.
-
-    Far off, the terms by the noise of shapes are as large as the misfit and curved: errors alone are nearly linear.
-    """
-    precision = np.array([c.std**-2.0 for c in coordinates_of(model, terms)])
-    _, problem, white = _weighed_at(model, local, setting, x, sizes)
-    hessian = white.hessian + np.diag(precision) + problem.curvature
-    return _Cost(precision, sizes).total(problem, white, x), white.slope + precision * x, hessian
 
 
 def _evidence(
@@ -519,7 +468,7 @@ def _evidence(
 
 
 def step_within(
-    slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float = _DAMP
+    slope: Vector, hessian: Vector, x: Vector, coordinates: Sequence[Coordinate], *, damp: float = DAMP
 ) -> Vector:
     """Return the coordinates after a damped step within bounds and longest steps.
 
@@ -545,7 +494,7 @@ def step_within(
     return np.clip(x + step, lower, upper)
 
 
-def _newton(white: Weighed, problem: Problem | TreeProblem, x: Vector, cost: _Cost) -> tuple[Vector, Vector]:
+def _newton(white: Weighed, problem: Problem | TreeProblem, x: Vector, cost: Cost) -> tuple[Vector, Vector]:
     """Return the gradient of the cost and Gauss and Newton's approximation of its Hessian."""
     hessian = white.hessian + np.diag(cost.precision) + problem.curvature
     return white.slope + problem.beside(cost.sizes).sum(axis=0) + cost.precision * x, hessian

@@ -17,9 +17,10 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from updating.inference.descent import descended, outlook
 from updating.inference.discrepancy import Problem, Sizes, joined, roots, whitened
 from updating.inference.equation_error import Errors, equation_errors, scales
-from updating.inference.explain import Setting, coordinates_of, descended, outlook, step_within
+from updating.inference.explain import Setting, coordinates_of, step_within
 from updating.inference.protocol import Change, Coordinate, LocalModel, Modal, Model, Screen, State, Term
 
 Vector = NDArray[np.float64]
@@ -130,8 +131,8 @@ def screened(
         Number of terms, the best of the screening, that are evaluated with the model itself, and number of starts of
         each: the best of each place (of coordinates with more than two starts), and the best from each origin.
     carried, steps : int
-        Starts of a term that are carried on, and damped steps that are tried from each: what one step promises far off
-        is little more than a rank.
+        Starts of a term that are carried on beside the best of each origin, and damped steps that are tried from each:
+        what one step promises far off is little more than a rank.
     weak : float
         Terms of several coordinates also start at this share of their starts; those of one coordinate at neutral.
     """
@@ -169,32 +170,35 @@ def screened(
         together = coordinates_of(model, [*present, by_name[name]])
         placed = [i for i, c in enumerate(together) if c.name not in origins[0] and len(c.starts) > 2]
         terms, near = [*present, by_name[name]], local.of(together)
-        tried = list[tuple[float, Vector]]()
-        for start in _best_starts(starts, placed, starts_each) if known else [start for *_, start in starts]:
+        tried = list[tuple[float, int, Vector]]()
+        for _, number, start in _best_starts(starts, placed, starts_each) if known else starts:
             with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                tried.append((outlook(model, terms, setting, start, near, sizes)[0], start))
+                tried.append((outlook(model, terms, setting, start, near, sizes)[0], number, start))
         tried.sort(key=lambda trial: -trial[0])
+        of_origin = {number: i for i, (_, number, _) in reversed(list(enumerate(tried)))}
         ends = [
-            descended(model, terms, setting, start, near, sizes, steps=steps)
-            for _, start in tried[: carried if placed else 1]
+            descended(model, terms, setting, tried[i][2], near, sizes, steps=steps)
+            for i in sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
         ]
         if ends:
             reached[name] = *max(ends, key=lambda end: end[0]), near
     return reached
 
 
-def _best_starts(starts: Sequence[tuple[float, int, Vector]], placed: Sequence[int], n: int) -> list[Vector]:
+def _best_starts(
+    starts: Sequence[tuple[float, int, Vector]], placed: Sequence[int], n: int
+) -> list[tuple[float, int, Vector]]:
     """Return the best start of each of the `n` best places, or the `n` best, and the best from each origin.
 
     `starts` hold what each is expected to reach, its origin and its coordinates, the best first; the coordinates
     `placed` say a place.
     """
-    chosen = dict[tuple[float, ...], Vector]()
-    for i, (_, _, start) in enumerate(starts):
-        chosen.setdefault(tuple(start[placed]) if placed else (i,), start)
-    of_origin = {origin: start for _, origin, start in reversed(starts)}
+    chosen = dict[tuple[float, ...], tuple[float, int, Vector]]()
+    for i, trial in enumerate(starts):
+        chosen.setdefault(tuple(trial[2][placed]) if placed else (i,), trial)
+    of_origin = {trial[1]: trial for trial in reversed(starts)}
     best = [*list(chosen.values())[:n], *of_origin.values()]
-    return [start for i, start in enumerate(best) if not any(start is other for other in best[:i])]
+    return [trial for i, trial in enumerate(best) if not any(trial is other for other in best[:i])]
 
 
 def _expected(

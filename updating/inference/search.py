@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from updating.inference.descent import outlook
 from updating.inference.discrepancy import DAMPING, STIFFNESS, SizePrior
 from updating.inference.explain import (
     Explanation,
@@ -18,7 +19,6 @@ from updating.inference.explain import (
     converged,
     coordinates_of,
     explain,
-    outlook,
     setting,
     too_large,
 )
@@ -347,9 +347,9 @@ def extended(
     """Fit each further term beside an explanation on one basis about it, the likeliest first.
 
     Terms are ordered by the cost that `screened` expects. The `least` likeliest, and of the `last` likeliest those that
-    are expected to lower the cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`.
+    are expected to lower the cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`. Modes
+    that the explanation sets apart may be those of what is missing, so that all is tried with these as well.
     """
-    common = replace(common, apart=at.apart)
     present = [model.terms[n] for n in at.terms]
     further = [t for n, t in model.terms.items() if n not in at.terms]
     coordinates = coordinates_of(model, [*present, *further])
@@ -368,30 +368,24 @@ def extended(
     local = model.about(
         coordinates, [np.array([origin.get(c.name, 0.0) for c in coordinates]) for origin in origins]
     )
-    expected = screened(model, common, present, further, origins, local, at.evidence.sizes)
-    now = outlook(model, present, common, at.x, local.of(at.coordinates), at.evidence.sizes)[0]
-    fits = []
-    for i, name in enumerate(sorted(expected, key=lambda n: -expected[n][0])[:last]):
-        if i >= least and expected[name][0] < now + gain:
-            break
-        terms = [*present, model.terms[name]]
-        try:
-            fits.append(
-                converged(
-                    model,
-                    terms,
-                    common,
-                    expected[name][1],
-                    local=expected[name][2],
-                    rounds=1,
-                    steps=steps,
-                    small=small,
-                    sizes=at.evidence.sizes,
+    fits = dict[str, Explanation]()
+    for apart in dict.fromkeys((at.apart, frozenset[tuple[int, int]]())):
+        common, sizes = replace(common, apart=apart), at.evidence.sizes
+        expected = screened(model, common, present, further, origins, local, sizes)
+        now = outlook(model, present, common, at.x, local.of(at.coordinates), sizes)[0]
+        for i, name in enumerate(sorted(expected, key=lambda n: -expected[n][0])[:last]):
+            if i >= least and expected[name][0] < now + gain:
+                break
+            terms, (_, start, near) = [*present, model.terms[name]], expected[name]
+            try:
+                fit = converged(
+                    model, terms, common, start, local=near, rounds=1, steps=steps, small=small, sizes=sizes
                 )
-            )
-        except (np.linalg.LinAlgError, ValueError):
-            continue
-    return sorted(fits, key=lambda f: -f.log_evidence)
+            except (np.linalg.LinAlgError, ValueError):
+                continue
+            if name not in fits or fit.log_evidence > fits[name].log_evidence:
+                fits[name] = fit
+    return sorted(fits.values(), key=lambda f: -f.log_evidence)
 
 
 def _needed(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.errors import FitError
+from updating.inference.descent import outlook
 from updating.inference.discrepancy import DAMPING, SPREAD, STIFFNESS, SizePrior
 from updating.inference.explain import (
     Explanation,
@@ -20,7 +21,6 @@ from updating.inference.explain import (
     coordinates_of,
     errors_at,
     explain,
-    outlook,
     setting,
 )
 from updating.inference.levels import INADEQUATE, PULLED
