@@ -3,14 +3,15 @@
 A bolt that was forgotten, that yielded, or that came loose by vibration. What presses less also touches less: the
 clamp no longer moves as one with the sheets under it, but on the compliance c of its seat.
 
-Enters: pressure p (1 - a f(x, y)), f a bell about that clamp as wide as the cone of 30 degrees in which its pressure
-    spreads down to half the height, less its mean. The clamp's mass m becomes the apparent mass m / (1 - omega^2 m c)
-    of a rigid body on springs (Den Hartog, Mechanical Vibrations, 3.2), as it shifts and rocks. Clamps are numbered
-    along the stack, evenly from 0 to 1; away from the number of a clamp both fade. Stiffness is affine in a, damping a
-    polynomial of it; the clamp has modes of its own.
-Range: a from 0 to 0.95 of the pressure lost at the clamp; c from 0 to 100 nm/N; any clamp.
-Does: at the nominal clamp, the second of four, lowers B2 by 6 %, T2 by 10 to 18 %, B1 by 0.8 to 1.4 % and T1 by 0.3 to
-    0.4 %, and adds modes of the clamp on its seat; shapes lose their symmetry unless the clamp is in the middle. (Demo
+Enters: pressure p (1 - a f(x, y)), f a bell about that clamp, less its mean: the share 1 - b of one as wide as the cone
+    of 30 degrees in which pressure spreads down to half the height, the share b of one of half the clamps' mean
+    spacing, for clamps are as stiff as that where they press evenly. The clamp's mass m becomes the apparent mass
+    m / (1 - omega^2 m c) of a rigid body on springs (Den Hartog, Mechanical Vibrations, 3.2), as it shifts and rocks.
+    Clamps are numbered along the stack, evenly from 0 to 1; away from the number of a clamp both fade. Stiffness is
+    affine in a, damping a polynomial of it; the clamp has modes of its own.
+Range: a from 0 to 0.95 of the pressure lost at the clamp; b from 0 to 1; c from 0 to 100 nm/N; any clamp.
+Does: at the nominal clamp, the second of four, lowers B2 by 9 to 10 %, T2 by 10 to 18 %, B1 by 3 % and T1 by 1.0 to
+    1.4 %, and adds modes of the clamp on its seat; shapes lose their symmetry unless the clamp is in the middle. (Demo
     stack, nominal strength.)
 Mistaken for: lost contact in the middle, pressure_along, clamps that are heavier than stated, an absorber.
 """
@@ -45,17 +46,29 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         message = "loose_clamp: a single clamp that presses less is a lower pressure"
         raise EffectError(message)
 
-    def shape(clamp: Clamp) -> Callable[[Vector, Vector], Vector]:
-        reach = [0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint]
+    def cone(clamp: Clamp) -> tuple[float, float]:
+        x, y = (0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint)
+        return x, y
+
+    def spaced(clamp: Clamp) -> tuple[float, float]:
+        half = max(0.5 * stack.length / len(clamps), *cone(clamp))
+        return half, half
+
+    def bell(clamp: Clamp, width: tuple[float, float]) -> Callable[[Vector, Vector], Vector]:
         return lambda x, y: (
-            -np.exp(-0.5 * (((x - clamp.x) / reach[0]) ** 2 + ((y - clamp.y) / reach[1]) ** 2))
+            -np.exp(-0.5 * (((x - clamp.x) / width[0]) ** 2 + ((y - clamp.y) / width[1]) ** 2))
         )
 
-    found = (
+    bells = (
         pressure_change(
-            assembly, f"loose_clamp {i}", "clamp_loss", shape(clamp), partial(_share, i=i, n=len(clamps))
+            assembly,
+            f"loose_clamp {i} {name}",
+            "clamp_loss",
+            bell(clamp, width(clamp)),
+            partial(share, i=i, n=len(clamps)),
         )
         for i, clamp in enumerate(clamps)
+        for name, width, share in (("narrow", cone, _narrow), ("wide", spaced, _wide))
     )
     rides = (
         Term(
@@ -71,13 +84,23 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         for i, clamp in enumerate(clamps)
         if clamp.mass > 0.0
     )
-    return (*itertools.chain.from_iterable(found), *rides)
+    return (*itertools.chain.from_iterable(bells), *rides)
 
 
 def _share(t: Theta, i: int, n: int) -> Any:
     """Return the share of clamp i of n: 1 at its number, and 0 half a number away, without a kink."""
     away = t["clamp_number"] * (n - 1) - i
     return np.cos(np.pi * away) ** 2 if abs(np.real(away)) < 0.5 else 0.0 * away
+
+
+def _narrow(t: Theta, i: int, n: int) -> Any:
+    """Return the share of the narrow bell about clamp i of n."""
+    return (1.0 - t["clamp_reach"]) * _share(t, i, n)
+
+
+def _wide(t: Theta, i: int, n: int) -> Any:
+    """Return the share of the wide bell about clamp i of n."""
+    return t["clamp_reach"] * _share(t, i, n)
 
 
 def _compliance(t: Theta, i: int, n: int) -> Any:
@@ -110,6 +133,16 @@ EFFECT = Effect(
             neutral=0.5,
             source="0 is the first clamp along the stack, 1 the last",
             n_start=12,
+        ),
+        Parameter(
+            name="clamp_reach",
+            unit="1",
+            nominal=0.5,
+            lower=0.0,
+            upper=1.0,
+            neutral=0.5,
+            source="0 is the bell of a cone of 30 degrees, 1 that of a stiff clamp, half the clamps' mean spacing wide",
+            n_start=1,
         ),
         Parameter(
             name="clamp_compliance",
