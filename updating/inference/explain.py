@@ -417,14 +417,15 @@ def _curved(
     coordinates: Sequence[Coordinate],
     cost: Cost,
 ) -> Problem | TreeProblem:
-    """Return a problem with the curvature of the cost along coordinates of terms in which errors are stationary.
+    """Return a problem with the curvature of the cost along coordinates of terms in which errors hardly change.
 
     Such is the number of a clamp at its clamp: its derivative is 0 there, and Gauss and Newton's Hessian knows nothing.
+    Where that allows more than a step, the model is asked at a step.
     """
     added = np.zeros(x.size)
     for i in range(len(model.nuisances), x.size):
         c, known = coordinates[i], white.hessian[i, i] + problem.curvature[i, i]
-        if c.lower == c.upper or known > cost.precision[i]:
+        if c.lower == c.upper or known > c.step**-2.0:
             continue
         rises = list[float]()
         for step in (-c.step, c.step):
