@@ -82,10 +82,27 @@ def two_processes(monkeypatch):
     monkeypatch.setattr("updating.workers.workers.n_processor", lambda: 2)
 
 
+def _leave_pictures_white(patch: pytest.MonkeyPatch) -> None:
+    from matplotlib.figure import Figure
+
+    patch.setattr(Figure, "draw", lambda *_: None)
+    for name in ("amplitude", "comparison", "frf", "shape", "stabilization"):
+        patch.setattr(f"updating.commands.ema.{name}_figure", lambda *_, **__: Figure(figsize=(1, 1)))
+    patch.setattr("updating.commands.ema.stabilization", lambda *_, **__: None)  # that of the picture alone
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave pictures white where a test asks for words and numbers alone: drawing takes longer than all else."""
-    monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda *_: None)
+    _leave_pictures_white(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def all_undrawn():
+    """Leave pictures white in all tests of a module, and in what they share."""
+    with pytest.MonkeyPatch.context() as patch:
+        _leave_pictures_white(patch)
+        yield
 
 
 @pytest.fixture

@@ -8,6 +8,8 @@ from filelock import FileLock
 from rich.console import Console
 
 from updating.commands.fit import fit_campaign
+from updating.report import page
+from updating.report.modes_part import modes_section
 from updating.results.identified import Failed
 
 DATA = Path(__file__).parents[2] / "data"
@@ -27,6 +29,17 @@ def demo(tmp_path_factory, worker_id):
             fitted(shared)
         shutil.copytree(shared, folder, dirs_exist_ok=True)
     return folder, fitted(folder)
+
+
+@pytest.fixture(scope="module")
+def tables_alone():
+    """Of a configuration, have the tables alone on the pages of a module's tests.
+
+    All that is drawn of one is drawn of the small campaign and of the demo stack (`test_report_page`).
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "configuration_section", lambda tested, _, added: modes_section(tested, added))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,8 @@ from updating.errors import StoreError
 from updating.results.identified import campaign_file, chosen_poles, forget_choices
 from updating.workbench.opened import find
 
+pytestmark = pytest.mark.usefixtures("all_undrawn", "tables_alone")
+
 
 def document(out):
     return json.loads((out / "C1/modal_model.json").read_text(encoding="utf-8"))
@@ -44,7 +46,7 @@ def results(chosen, tmp_path):
     return folder / "campaign.toml", folder / "out"
 
 
-def test_a_fit_uses_the_poles_chosen_by_hand_and_says_so(results, undrawn):
+def test_a_fit_uses_the_poles_chosen_by_hand_and_says_so(results):
     campaign, out = results
     done = lamella("fit", campaign, "-o", out)
     assert done.returncode == 0, done.stderr
@@ -57,7 +59,7 @@ def test_a_fit_uses_the_poles_chosen_by_hand_and_says_so(results, undrawn):
 
 
 @pytest.mark.parametrize("command", ["ema", "fit"])
-def test_identify_anew_undoes_the_choice(results, undrawn, command):
+def test_identify_anew_undoes_the_choice(results, command):
     campaign, out = results
     done = lamella(command, campaign, "-o", out, "--identify-anew")
     assert done.returncode == 0, done.stderr

@@ -15,6 +15,7 @@ from updating.results.what_changed import WhatChanged
 sys.path.insert(0, str(Path(__file__).parents[1] / "recovery"))
 from plate_world import DENSITY, LENGTH, POISSON, THICKNESS, WIDTH, YOUNG, Edge, measured
 
+pytestmark = pytest.mark.usefixtures("all_undrawn")
 EDGE = Edge(translation=1e7, rotation=3e3)
 PLACE = (0.08, 0.06)
 MASS = 0.15
@@ -65,7 +66,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder, undrawn):
+def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder):
     done = lamella("diagnose", folder / "campaign.toml", "-o", folder / "out")
     assert done.returncode == 0, done.stderr
     said = " ".join(done.stdout.split())

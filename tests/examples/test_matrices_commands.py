@@ -13,6 +13,7 @@ from updating.results.store import read_result
 from updating.results.what_changed import WhatChanged
 
 EXAMPLE = ROOT / "data/matrices_example"
+pytestmark = pytest.mark.usefixtures("all_undrawn")
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,7 @@ def done(tmp_path_factory):
     return folder, [lamella(name, EXAMPLE / "campaign.toml", "-o", folder) for name in ("fit", "diagnose")]
 
 
-def test_the_hidden_mass_is_found(done, undrawn):
+def test_the_hidden_mass_is_found(done):
     folder, (fitted, diagnosed) = done
     assert (fitted.returncode, diagnosed.returncode) == (0, 0), fitted.stderr + diagnosed.stderr
     assert "root_springs" in fitted.stdout
@@ -49,7 +50,7 @@ def test_modes_of_the_model_are_listed(tmp_path):
     assert "32.7254" in found.stdout
 
 
-def test_what_changed_is_named_and_of_a_repeat_nothing_is(tmp_path, undrawn):
+def test_what_changed_is_named_and_of_a_repeat_nothing_is(tmp_path):
     done = lamella("diagnose", EXAMPLE / "changes.toml", "-o", tmp_path)
     assert done.returncode == 0, done.stderr
     said = " ".join(done.stdout.split())

@@ -23,6 +23,7 @@ from updating.results import identified
 from updating.results.identified import assignments
 from updating.results.store import read_frf, write_frf
 
+pytestmark = pytest.mark.usefixtures("all_undrawn")
 PUBLISHED = Path(__file__).parents[2] / "data/pirnat2013"
 STRUCTURE = '[structure]\nstack = "stack.toml"\n'
 FILES = """\
@@ -472,9 +473,7 @@ def test_what_can_be_done_without_is_left_out_and_said(folder, monkeypatch, caps
 
 
 @pytest.mark.parametrize("command", ["ema", "fit"])
-def test_a_configuration_that_cannot_be_used_does_not_end_the_others(
-    folder, monkeypatch, capsys, undrawn, command
-):
+def test_a_configuration_that_cannot_be_used_does_not_end_the_others(folder, monkeypatch, capsys, command):
     text = (folder / "campaign.toml").read_text(encoding="utf-8")
     first = text.index("[[configuration]]")
     end = text.index("[identification]")

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from updating.commands.command_line import app
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("all_undrawn")
 N = 10
 FREQUENCY = np.arange(60.0, 240.0, 0.5)
 BASE = """

@@ -11,7 +11,7 @@ from model.effects.conformance import effect_faults
 from tests.command import lamella
 from updating.commands.model import with_named_effects
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("all_undrawn")
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "data/effects_example/gap_spring.py"
 STACK = """

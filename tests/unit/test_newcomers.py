@@ -31,7 +31,7 @@ from updating.commands.command_line import app
 from updating.errors import FitError
 from updating.fitting.target import model_file
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("all_undrawn")
 FREQUENCY = 0.5 * np.arange(1, 401)
 POLES = 2 * np.pi * np.array([60.0, 110.0])
 SHAPES = np.array([[1.0, 0.7], [0.4, -1.0], [-0.8, 0.9]])

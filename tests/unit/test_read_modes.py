@@ -16,7 +16,7 @@ from ema.modal.read_modes import USUAL, modal_model_of
 from tests.command import lamella
 from updating.report.results import read_results
 
-pytestmark = pytest.mark.usefixtures("undrawn")
+pytestmark = pytest.mark.usefixtures("all_undrawn")
 REALDATA = Path(__file__).parents[2].parent / "shared/realdata/uff-oddities-pyuff"
 REAL = pytest.mark.skipif(not REALDATA.exists(), reason=f"real files are not at {REALDATA}")
 COORDINATE = np.array([[0.1 * i, 0.05 * (i % 2), 0.02] for i in range(6)])
