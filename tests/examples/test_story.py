@@ -9,27 +9,30 @@ import pytest
 from typer.testing import CliRunner
 
 from ema import ModalModel
+from model import catalogue
 from updating import read_result
+from updating.commands import diagnose as command
 from updating.commands.command_line import app
 from updating.diagnosis.answer import Diagnosis
-from updating.report import page
-from updating.report.modes_part import modes_section
 from updating.results.ledger import Ledger
 
 ROOT = Path(__file__).parents[2]
 TRUTH = json.loads((ROOT / "data/demo_diagnosis/truth.json").read_text(encoding="utf-8"))
 
 
-@pytest.fixture(scope="module")
-def told(tmp_path_factory):
-    """What `lamella demo` prints, and its folder; of configurations the report has the tables alone.
+RIVALS = ("lost_contact_ends", "pressure_along", "pressure_exponent", "contact_loss", "clamp_inertia")
+"""Effects that may do to modes what less pressure in the middle does: of the contact and of its pressure, of clamps."""
 
-    All that it draws of one is drawn of the small campaign and of the demo stack (`test_report_page`).
-    """
-    folder = tmp_path_factory.mktemp("story")
+
+@pytest.fixture(scope="module", params=["rivals", pytest.param("catalogue", marks=pytest.mark.slow)])
+def told(request, tables_alone, tmp_path_factory):
+    """What `lamella demo` prints, and its folder: with few effects, or in twice the time with the whole catalogue."""
+    folder, whole = tmp_path_factory.mktemp("story"), catalogue()
     with pytest.MonkeyPatch.context() as patch:
+        if request.param == "rivals":
+            known = {name: whole[name] for name in ("lost_contact_middle", *RIVALS)}
+            patch.setattr(command, "catalogue", lambda _: known)
         patch.chdir(ROOT)
-        patch.setattr(page, "configuration_section", lambda tested, _, added: modes_section(tested, added))
         done = CliRunner().invoke(app, ["demo", "-o", str(folder)])
     assert done.exit_code == 0, done.output
     return " ".join(done.output.split()), folder
