@@ -39,12 +39,8 @@ from lamella_shared import arrays
 
 Vector = NDArray[np.float64]
 
-_SHOWS = 3.0
-"""Standard deviations by which a change from the lowest to the highest amplitude must exceed 0 to be reported."""
 _DRIFT = 2e-4
 """Share of a frequency by which tests of one linear structure on one day differ: less is no change with amplitude."""
-_DAMPING_DRIFT = 0.03
-"""The same of a damping ratio."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -125,6 +121,10 @@ class AmplitudeDependence:
         return tuple(self._findings())
 
     def _findings(self) -> Iterator[str]:
+        # Standard deviations by which a change from the lowest to the highest amplitude must exceed 0 to be
+        # reported.
+        damping_drift = 0.03  # relative change of a damping ratio that a repeated test has
+        shows = 3.0
         for r, share in enumerate(self.softening):
             if np.isnan(share):
                 continue
@@ -134,9 +134,9 @@ class AmplitudeDependence:
             f_std = np.hypot(*(self.frequency_std[[low, high], r] / f[[low, high]]))
             xi_std = np.hypot(*(self.damping_std[[low, high], r] / xi[[low, high]]))
             grown = xi[high] / xi[low] - 1.0
-            softer = share < -_SHOWS * np.hypot(f_std, _DRIFT)
-            changed = abs(share) > _SHOWS * np.hypot(f_std, _DRIFT) or abs(grown) > _SHOWS * np.hypot(
-                xi_std, _DAMPING_DRIFT
+            softer = share < -shows * np.hypot(f_std, _DRIFT)
+            changed = abs(share) > shows * np.hypot(f_std, _DRIFT) or abs(grown) > shows * np.hypot(
+                xi_std, damping_drift
             )
             what = (
                 "contact that slips does this"

@@ -179,7 +179,6 @@ def _inverse_variance(
 
 MAX_DAMPING = 0.3
 """Poles damped more than this are never taken for resonances."""
-_WEIGHINGS = 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -210,7 +209,8 @@ class Functions:
 
     def weigh_by_misfit(self, fit: Fit) -> Fit:
         """Fit residues at the poles of a fit with lines that weigh by the misfit, which they change in turn."""
-        for _ in range(_WEIGHINGS):
+        weighings = 3
+        for _ in range(weighings):
             fit = self.linear_fit(fit.pole, misfit_weight(self.value - fit.residual, fit.residual))
         return fit
 

@@ -38,8 +38,6 @@ from ema.identification.maximum_likelihood import Fit
 from ema.quality.peaks import MIN_LINES
 from ema.types.modal_model import ModalModel
 
-_TWO_SIDED = 0.975
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RunNoise:
@@ -124,7 +122,8 @@ class Enlargement:
     @property
     def student(self) -> NDArray[np.float64]:
         """Student's over the normal quantile of 95 %, (n_mode,): what makes normal intervals wide enough."""
-        return np.asarray(scipy.special.stdtrit(self.freedom, _TWO_SIDED) / scipy.special.ndtri(_TWO_SIDED))
+        two_sided = 0.975
+        return np.asarray(scipy.special.stdtrit(self.freedom, two_sided) / scipy.special.ndtri(two_sided))
 
 
 def enlargement(runs: tuple[RunNoise, ...]) -> Enlargement:

@@ -138,20 +138,10 @@ def yielding(
 _WIDE = 1e-2
 """Standard deviation of squared frequencies, relative, that is added to theirs in a first fit: exact ones make a valley
 so narrow that a fit ends on its side."""
-_MOST_SCALED = 5.0
-"""Factor by which the shifts may say that the scale of a mode is another than that at the driving point."""
-_DIFFERENCE = 1e-6  # of an unknown, for derivatives
-_MOST_AT_FORCE = 10.0
-"""Factor by which sensors may change the shape at the force: next to its nodes nothing more is seen."""
 _UNEVEN = 0.5
 """By how much, relative to their mean, the flexibilities that modes above the band have differ from place to place."""
-_SECOND_ORDER = 0.02
-"""Part of the square of a shift by which it may be off for other reasons than noise."""
 _SHAPE_STD = 2e-3
 """Standard deviation of shapes, relative to their root mean square, where they are weighed against frequencies."""
-_UNCERTAIN = 1.0
-"""The same, over the largest shift of a mode, where it is not known what modes beyond the band add at the force: no
-more than what sensors change by those of the band."""
 _HEAVIEST = 0.5
 """Largest share of a modal mass that sensors of one run may add; beyond it the modes of the band do not suffice."""
 
@@ -326,6 +316,11 @@ class _Problem:
     @classmethod
     def of(cls, modes: RovedModes, load: NDArray[np.float64] | None) -> _Problem:
         """Lay out the unknowns for loads as `without_sensors` takes them."""
+        # Part of the largest shift of a mode by which shapes may be off where it is not known what modes beyond the
+        # band add at the force: no more than what sensors change by those of the band.
+        uncertain = 1.0
+        # Part of the square of a shift by which it may be off for other reasons than noise.
+        second_order = 0.02
         n_run, n_mode = modes.frequency.shape
         if load is None:
             given, sought = np.zeros(n_mode), np.ones((n_mode, 1))
@@ -334,7 +329,7 @@ class _Problem:
         known = np.isfinite(modes.std)
         low, high = (f(np.where(known, modes.frequency, np.nan), axis=0) for f in (np.nanmin, np.nanmax))
         shift = 2.0 * (high / low - 1.0)
-        rough = 2.0 * np.hypot(modes.std / modes.frequency, _SECOND_ORDER * shift**2)
+        rough = 2.0 * np.hypot(modes.std / modes.frequency, second_order * shift**2)
         in_kg = modes.drive_run is not None and (load is None or not np.isnan(load).any())
         rms = np.maximum(np.sqrt(np.mean(modes.shape**2, axis=0)), 1e-300)
         square = np.average((2.0 * np.pi * modes.frequency) ** 2, axis=0, weights=modes.std**-2.0)
@@ -344,7 +339,7 @@ class _Problem:
         each = np.tile(rms, len(modes.shape))
         size = np.concatenate([np.ones(n_mode), first, force, np.ones(len(pair)), each])
         unit = yielding_beyond(modes.shape, square) if in_kg else np.zeros(n_mode)
-        off = _SHAPE_STD if modes.rest is not None else np.hypot(_SHAPE_STD, _UNCERTAIN * shift)
+        off = _SHAPE_STD if modes.rest is not None else np.hypot(_SHAPE_STD, uncertain * shift)
         return cls(
             modes=modes,
             given=given,
@@ -386,12 +381,15 @@ class _Problem:
         At a node of a mode, the driving point says little of its scale; the shifts from run to run tell it to first
         order where the load is one mass.
         """
+        # Factor by which the shifts may say that the scale of a mode is another than that at the driving
+        # point.
+        most_scaled = 5.0
         if self.modes.drive_run is None or self.sought.shape[1] > 1 or not (self.given + self._first()).any():
             return [self._start(np.ones(self.rough.shape[1]))]
         load = self.given + self._first()
         from_runs = _first_load(self.modes, np.eye(load.size))
         ratio = np.divide(from_runs, load, out=np.ones_like(load), where=load > 0.0)
-        scale = np.clip(np.sqrt(ratio), 1.0 / _MOST_SCALED, _MOST_SCALED)
+        scale = np.clip(np.sqrt(ratio), 1.0 / most_scaled, most_scaled)
         return [self._start(np.ones(load.size)), self._start(scale)]
 
     def _first(self) -> NDArray[np.float64]:
@@ -442,6 +440,8 @@ class _Problem:
 
     def _run(self, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what vectors, (n, n_unknown), miss of the frequencies, modal constants and driving point of a run."""
+        # Factor by which sensors may change the shape at the force: next to its nodes nothing more is seen.
+        most_at_force = 10.0
         modes, rows = self.modes, self.modes.run == k
         square, load, drive, beyond, shape = self.parts(x)
         shape = shape[:, rows]
@@ -461,7 +461,7 @@ class _Problem:
         if modes.rest is not None:
             there = there + predicted * load * np.sum(here * modes.rest[rows], axis=1)
         ratio = np.divide(there, reference, out=np.ones_like(there), where=known & (reference != 0.0))
-        ratio = np.clip(ratio, -_MOST_AT_FORCE, _MOST_AT_FORCE)[:, None]
+        ratio = np.clip(ratio, -most_at_force, most_at_force)[:, None]
         off = [
             (np.log(predicted) - 2.0 * np.log(2.0 * np.pi * modes.frequency[k])) / self.rough[k],
             ((here * ratio - modes.shape[rows]) / self.rough_shapes(rows)).reshape(len(x), -1),
@@ -472,17 +472,18 @@ class _Problem:
 
     def jacobian(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the derivatives of the misfit; a shape or flexibility of one run concerns that run alone."""
+        difference = 1e-6  # of an unknown, for derivatives
         n_mode, rows = self.rough.shape[1], self.rows
         common = x.size - self.modes.shape.size - len(self.pair)
         run = np.concatenate([np.full(common, -1), self.pair[:, 0], np.repeat(self.modes.run, n_mode)])
-        moved = x + np.diag(_DIFFERENCE * self.size)
+        moved = x + np.diag(difference * self.size)
         matrix = np.zeros((misfit.size, x.size))
         for k in range(len(self.rough)):
             concerned = np.flatnonzero((run == -1) | (run == k))
             block = slice(rows[k], rows[k + 1])
             matrix[block, concerned] = (self._run(k, moved[concerned]) - misfit[block]).T
         matrix[rows[-1] :] = (self._prior(moved) - misfit[rows[-1] :]).T
-        return np.asarray(matrix / (_DIFFERENCE * self.size))
+        return np.asarray(matrix / (difference * self.size))
 
 
 def _or_zero(std: NDArray[np.float64] | None) -> NDArray[np.float64] | float:

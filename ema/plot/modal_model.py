@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _COLUMNS = 3
-_ZOOM = 1.7  # axes leave much room about a body that is longer than high
 
 
 @html_of.register(ModalModel)
@@ -56,6 +55,8 @@ def modal_model_figure(model: ModalModel) -> Figure:
     """Draw all mode shapes as wireframes of the measured points over their places at rest."""
     from matplotlib.figure import Figure
 
+    zoom = 1.7  # axes leave much room about a body that is longer than high
+
     n = model.frequency.size
     n_row = max(1, -(-n // _COLUMNS))
     figure = Figure(figsize=(3.2 * min(max(n, 1), _COLUMNS), 2.5 * n_row), layout="constrained")
@@ -63,7 +64,7 @@ def modal_model_figure(model: ModalModel) -> Figure:
         axes = figure.add_subplot(n_row, min(n, _COLUMNS), mode + 1, projection="3d")
         draw_shape(axes, model, mode)
         axes.set_axis_off()
-        axes.set_box_aspect((4.0, 4.0, 3.0), zoom=_ZOOM)
+        axes.set_box_aspect((4.0, 4.0, 3.0), zoom=zoom)
     return figure
 
 

@@ -36,7 +36,6 @@ _MOST_OTHERS = 128
 """Channels of which one is compared with the others; of more each group is compared within itself."""
 _BELIEVED = 30.0
 """Rise of the log-likelihood; sound synthetic sets of 44 channels stayed below 26 in 240 of 240 cases."""
-_MASSES = (1e-4, 1e6)
 _SIZES = (1e-3, 300.0)
 
 
@@ -533,6 +532,7 @@ def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
 def _units(
     measurement: Measurement, sound: NDArray[np.int64], *, lines_of_mass: int = 512
 ) -> Iterator[Verdict]:
+    masses = (1e-4, 1e6)
     frf = measurement.frf
     several = measurement.geometry.node.size > 1
     size = float(np.ptp(measurement.geometry.coordinate, axis=0).max()) if several else 0.0
@@ -547,7 +547,7 @@ def _units(
     factor = omega[::every] ** (2 - DERIVATIVE[frf.quantity])
     sizes = [np.abs(frf.value[block][..., lines][..., ::every]) * factor for block in in_blocks(sound)]
     mass = 1 / float(np.median(np.concatenate(sizes)))
-    if not _MASSES[0] < mass < _MASSES[1]:
+    if not masses[0] < mass < masses[1]:
         text = f"the apparent mass is {mass:.2g} kg in the median: check [measurement] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
     yield from phases(frf, sound)

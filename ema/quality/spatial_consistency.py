@@ -181,8 +181,6 @@ MIN_CHANNELS = 8
 _LENGTHS = np.geomspace(0.15, 2.0, 7)
 _NOISES = np.geomspace(1e-6, 3e-1, 12)
 _TREND = 10.0
-_SIGN_NOISES = (1e-4, 1e-2, 1e-1)
-"""Noises beside which signs are sought: several channels that are turned make the likeliest noise of all too large."""
 _AGREEMENT = 0.9
 """Channels with one injected fault agreed with their neighbours to 0.998 once it was undone; where resonances
 shift from run to run, which makes shapes that nobody has, the likeliest fault left less than 0.8."""
@@ -307,10 +305,13 @@ def _turned_together(
     For each covariance the signs ``s`` are those of the least ``s' (inverse * gram) s`` that turning one channel or one
     run more does not lessen, from the signs as they are and from those of its lowest eigenvector.
     """
+    # Noises beside which signs are sought: several channels that are turned make the likeliest noise of all too
+    # large.
+    sign_noises = (1e-4, 1e-2, 1e-1)
     runs = (run == np.unique(run)[:, None]).astype(float)
     faults: dict[tuple[int, ...], tuple[FaultKind, tuple[int, ...], float]] = {}
     for values, vectors in covariances:
-        for noise in _SIGN_NOISES:
+        for noise in sign_noises:
             coupling = ((vectors / (np.maximum(values, 0.0) + noise)) @ vectors.T) * gram
             lowest = np.linalg.eigh(coupling)[1][:, 0]
             for start in (np.ones(run.size), np.where(lowest < 0.0, -1.0, 1.0)):

@@ -27,10 +27,6 @@ from model.stack.stack import Stack
 Vector = NDArray[np.float64]
 
 _TOLERANCE = 1e-8  # of the residual relative to the load
-_MAX_NEWTON = 40
-_MAX_CG = 400
-_SMALLEST_STEP = 1e-3
-_FORCING = 1e-2  # residual of the linear solution relative to the Newton residual
 _RATIO = 1.8  # of neighbouring values over z that share one planar factor of the preconditioner
 _RIGID = 1e7  # bending stiffness of a rigid plate in the preconditioner, relative to a lamina
 _FLOOR = 1e-6  # of the mean tangent; lost contact would make the preconditioner singular
@@ -195,6 +191,7 @@ def _in_load_steps(
 
     Returns the deflections beyond uniform compression, the residuals of the last step, and the number of steps.
     """
+    smallest_step = 1e-3
     uniform = problem.evaluate.T @ problem.area * stack.contact.pressure
     clamped = np.zeros_like(uniform)
     total = sum(clamp.share for clamp in stack.clamps)
@@ -212,7 +209,7 @@ def _in_load_steps(
             found, residuals = _newton(problem, w, problem.allowed(load))
         except SolveError:
             step /= 2.0
-            if step < _SMALLEST_STEP:
+            if step < smallest_step:
                 raise
             continue
         w, done, n_step = found, aim, n_step + 1
@@ -250,10 +247,11 @@ def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[fl
 
     A residual is measured in the norm of the preconditioner, where forces and moments count alike.
     """
+    max_newton = 40
     residuals: list[float] = []
     pressure, tangent = problem.contact(w)
     residual = load - problem.internal(w, pressure)
-    for _ in range(_MAX_NEWTON):
+    for _ in range(max_newton):
         precondition = problem.preconditioner(tangent)
         size = np.sqrt(np.sum(residual * precondition(residual)) / np.sum(load * precondition(load)))
         residuals.append(float(size))
@@ -270,25 +268,27 @@ def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[fl
                 break
             length /= 2.0
         w, tangent, residual = trial, trial_tangent, trial_residual
-    message = f"the static stage did not converge in {_MAX_NEWTON} Newton steps; residual {residuals[-1]:.2g}"
+    message = f"the static stage did not converge in {max_newton} Newton steps; residual {residuals[-1]:.2g}"
     raise SolveError(message)
 
 
 def _conjugate_gradients(
     problem: _Problem, tangent: Vector, precondition: Callable[[Vector], Vector], residual: Vector
 ) -> Vector:
+    forcing = 1e-2  # residual of the linear solution relative to the Newton residual
+    max_cg = 400
     step, r = np.zeros_like(residual), residual.copy()
     z = precondition(r)
     direction = z.copy()
     before = first = float(np.sum(r * z))
-    for _ in range(_MAX_CG):
+    for _ in range(max_cg):
         image = problem.tangent_product(direction, tangent)
         length = before / float(np.sum(direction * image))
         step += length * direction
         r -= length * image
         z = precondition(r)
         now = float(np.sum(r * z))
-        if now <= _FORCING**2 * first:
+        if now <= forcing**2 * first:
             break
         direction = z + now / before * direction
         before = now

@@ -85,13 +85,6 @@ FIELDS: tuple[Field, ...] = ("u", "v", "w")
 
 Derivative = Literal["", "x", "y", "xx", "xy", "yy"]
 
-_QUADRATURE_ORDER = 6  # exact for products of the bicubic deflections of the rectangle
-
-_TRIANGLE_ORDER = 10  # exact for products of Argyris's quintic deflections
-
-_NEAREST = 12  # triangles tried for the place of a point
-
-_COINCIDE = 0.1  # of an element: edges that are closer are one
 
 _HALF = 0.45  # of an element from which a part has one more; the sizes of stacks and clamps make just a half common,
 
@@ -259,13 +252,14 @@ class Plan:
 
     def _located(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
         """Return the nearest points of the plan, (2, n), and the elements that they lie in."""
+        nearest = 12  # triangles tried for the place of a point
         mesh = self.membrane.mesh
         if isinstance(mesh, skfem.MeshQuad):
             low, high = self.bounds.T
             x = np.clip(points, low, high).T
             return x, mesh.element_finder(mapping=self.membrane.mapping)(*x)
         corners = mesh.p.T[mesh.t.T]
-        n_near = min(_NEAREST, len(corners))
+        n_near = min(nearest, len(corners))
         near = (
             scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, n_near)[1].reshape(len(points), n_near)
         )
@@ -311,9 +305,10 @@ def rectangle(length: float, width: float, n_x: int, n_y: int, edges: Sequence[f
 
 def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
     """Return where elements end, from -length / 2 to length / 2."""
+    coincide = 0.1  # of an element: edges that are closer are one
     end, size = length / 2.0, length / n
-    inner = np.unique([edge for edge in edges if abs(edge) < end - _COINCIDE * size])
-    apart = np.flatnonzero(np.diff(inner) > _COINCIDE * size) + 1
+    inner = np.unique([edge for edge in edges if abs(edge) < end - coincide * size])
+    apart = np.flatnonzero(np.diff(inner) > coincide * size) + 1
     marks = [-end, *(float(group.mean()) for group in np.split(inner, apart) if group.size), end]
     parts = [
         np.linspace(low, high, max(1, math.floor((high - low) / size + 1.0 - _HALF)) + 1)
@@ -337,11 +332,13 @@ def plan_on(point: NDArray[np.float64], cell: NDArray[np.int64]) -> Plan:
     cell : (4, n_cell) or (3, n_cell)
         Corners of each rectangle or triangle.
     """
+    triangle_order = 10  # exact for products of Argyris's quintic deflections
+    quadrature_order = 6  # exact for products of the bicubic deflections of the rectangle
     if len(cell) == 4:
-        mesh, order = skfem.MeshQuad(point, cell), _QUADRATURE_ORDER
+        mesh, order = skfem.MeshQuad(point, cell), quadrature_order
         elements = (skfem.ElementQuadS2(), ElementQuadBFS())
     else:
-        mesh, order = skfem.MeshTri(point, cell), _TRIANGLE_ORDER
+        mesh, order = skfem.MeshTri(point, cell), triangle_order
         elements = (skfem.ElementTriP2(), ElementTriArgyris())
     membrane, plate = (skfem.Basis(mesh, element, intorder=order) for element in elements)
     return Plan(membrane=membrane, plate=plate)

@@ -88,9 +88,6 @@ def lamina_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     )
 
 
-_MOST_PANELS = 24  # along one side of a footprint
-
-
 def footprint_points(
     centre: tuple[float, float], size: tuple[float, float], plan: Plan
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -100,6 +97,7 @@ def footprint_points(
     means and first moments over it are exact for the fields of a rectangle; what overhangs the plan's bounding box does
     not count.
     """
+    most_panels = 24  # along one side of a footprint
     nodes, weights = np.polynomial.legendre.leggauss(3)
     places, shares = [], []
     for axis, (middle, side) in enumerate(zip(centre, size, strict=True)):
@@ -107,8 +105,8 @@ def footprint_points(
         low, high = max(middle - side / 2.0, start), min(middle + side / 2.0, stop)
         lines = np.unique(plan.membrane.mesh.p[axis])
         lines = lines[(lines > low) & (lines < high)]
-        if lines.size >= _MOST_PANELS:
-            lines = np.linspace(low, high, _MOST_PANELS + 1)[1:-1]
+        if lines.size >= most_panels:
+            lines = np.linspace(low, high, most_panels + 1)[1:-1]
         cuts = np.concatenate([[low], lines, [high]])
         half = np.diff(cuts)[:, None] / 2.0
         places.append((cuts[:-1, None] + half * (1.0 + nodes)).ravel())
@@ -146,8 +144,6 @@ def clamp_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
 
 _HELD = 1e5  # stiffness that stands for an infinite one, relative to a lamina's over one element
 
-_ON_LINE = 1e-9  # of the plan's size
-
 
 def edge_matrix(plan: Plan, field: str, edge: Edge, *, slope: bool = False) -> sp.csr_matrix:
     """Integrate the square of a field, or of its slope normal to the edge, along an edge.
@@ -163,6 +159,7 @@ def edge_matrix(plan: Plan, field: str, edge: Edge, *, slope: bool = False) -> s
     slope : bool
         Whether the normal slope is meant.
     """
+    on_line = 1e-9  # of the plan's size
     basis = plan.basis(field)  # type: ignore[arg-type]
     mesh = basis.mesh
     facets = mesh.boundary_facets()
@@ -170,7 +167,7 @@ def edge_matrix(plan: Plan, field: str, edge: Edge, *, slope: bool = False) -> s
         axis, side = {"left": (0, 0), "right": (0, 1), "front": (1, 0), "back": (1, 1)}[edge]
         line = plan.bounds[axis][side]
         ends = mesh.p[axis][mesh.facets[:, facets]]
-        facets = facets[np.all(np.abs(ends - line) < _ON_LINE * np.ptp(plan.bounds), axis=0)]
+        facets = facets[np.all(np.abs(ends - line) < on_line * np.ptp(plan.bounds), axis=0)]
     along = skfem.FacetBasis(mesh, basis.elem, mapping=basis.mapping, facets=facets, intorder=6)
     if slope:
         normal = np.asarray(along.normals)

@@ -19,9 +19,6 @@ Index = NDArray[np.int64]
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Degrees of freedom 1 to 6 of a node: displacements along the axes, rotations about them."""
 
-ASYMMETRIC = (
-    1e-6  # of the two diagonal entries: text of seven digits is no better, gyroscopic terms are far larger
-)
 
 _HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a displacement is prescribed
 
@@ -168,10 +165,12 @@ def symmetric(entries: Entries) -> sp.csr_matrix:
 
 
 def _checked_symmetric(matrix: sp.csr_matrix, entries: Entries) -> sp.csr_matrix:
+    # of the two diagonal entries: text of seven digits is no better, gyroscopic terms are far larger
+    asymmetric = 1e-6
     size = np.sqrt(np.abs(matrix.diagonal()))
     difference = sp.coo_matrix(abs(matrix - matrix.T))
     scale = size[difference.row] * size[difference.col]
-    beyond = difference.data > ASYMMETRIC * np.where(scale > 0.0, scale, np.inf)
+    beyond = difference.data > asymmetric * np.where(scale > 0.0, scale, np.inf)
     beyond |= (scale == 0.0) & (difference.data > 0.0)
     if beyond.any():
         worst = int(np.argmax(np.where(beyond, difference.data, 0.0)))
@@ -251,13 +250,7 @@ def placed(entries: Entries, node: Index, dof: Index, of: str) -> sp.csr_matrix:
     return sp.csr_matrix(turn @ matrix @ turn.T)
 
 
-_SAME_MASS = 0.02  # of a stated mass: what weighing and a model without screws leave
-
-_HELD_MASS = 0.2  # more than the nodes of a support hold, which held matrices lack
-
 _NOTHING = 1e-14  # of the largest diagonal entry: rounding
-
-_ROOT = 4.4e-8  # least share of an entry's size beyond which a coupling without a diagonal is meant
 
 
 def check_rows(
@@ -270,6 +263,7 @@ def check_rows(
     MatricesError
         There is no mass, a diagonal entry is negative, or a row couples without a diagonal: a Lagrange multiplier.
     """
+    root = 4.4e-8  # least share of an entry's size beyond which a coupling without a diagonal is meant
     zero = {}
     for what, matrix in (("stiffness", stiffness), ("mass", mass)):
         diagonal = matrix.diagonal()
@@ -288,7 +282,7 @@ def check_rows(
             raise MatricesError(message)
         zero[what] = np.abs(diagonal) <= _NOTHING * largest
         coupling = abs(matrix).max(axis=1).toarray().reshape(-1)
-        lagrange = zero[what] & (coupling > _ROOT * largest)
+        lagrange = zero[what] & (coupling > root * largest)
         if lagrange.any():
             i = int(np.argmax(lagrange))
             message = (
@@ -345,6 +339,8 @@ def check_mass(
     MatricesError
         It weighs something else; the message names units with which it would be right.
     """
+    held_mass = 0.2  # more than the nodes of a support hold, which held matrices lack
+    same_mass = 0.02  # of a stated mass: what weighing and a model without screws leave
     moved = motion.T @ (mass @ motion)
     weights = np.diag(moved)[:3]
     total = float(weights.max())
@@ -352,10 +348,10 @@ def check_mass(
         message = "moving the structure moves no mass; is the mass matrix that of another model?"
         raise MatricesError(message)
     if stated is not None:
-        least = 1.0 - (_SAME_MASS if complete else _HELD_MASS)
-        if not least * stated <= total <= (1.0 + _SAME_MASS) * stated:
+        least = 1.0 - (same_mass if complete else held_mass)
+        if not least * stated <= total <= (1.0 + same_mass) * stated:
             found = total / units.mass
-            right = [u.name for u in UNITS.values() if least <= found * u.mass / stated <= 1.0 + _SAME_MASS]
+            right = [u.name for u in UNITS.values() if least <= found * u.mass / stated <= 1.0 + same_mass]
             hint = f"; in {' or '.join(right)} it would be right" if right else ""
             message = f"in units {units.name} the matrices weigh {total:.4g} kg; total_mass_kg is {stated:.4g}{hint}"
             raise MatricesError(message)

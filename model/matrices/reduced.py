@@ -26,7 +26,6 @@ _BEYOND = (
     1.5  # of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
 )
 
-_SHIFT = 1 / 4  # of the band: low against its modes, and far above what rounding gives rigid motion
 
 _FIRST = 20  # modes that are sought first
 
@@ -36,7 +35,6 @@ _ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half 
 
 _NEGATIVE = 0.01  # of the shift: rounding, and text with few digits, give rigid motion less
 
-_NO_MASS = 1e-13  # of the largest reciprocal of an eigenvalue: rounding
 
 _RIGID = 0.01  # of the lowest elastic frequency, below which motion of a rigid body is free
 
@@ -180,6 +178,7 @@ class ReducedMatrices:
         MatricesError
             Mass is not positive there.
         """
+        no_mass = 1e-13  # of the largest reciprocal of an eigenvalue: rounding
         moved = {**self.theta, **(theta or {})}
         stiffness, mass, shift = self.matrix("K", moved), self.matrix("M", moved), _shift(self.structure)
         try:
@@ -188,10 +187,10 @@ class ReducedMatrices:
         except la.LinAlgError as error:
             message = f"{self.name}: neither stiffness nor mass is positive at {moved}"
             raise MatricesError(message) from error
-        if inverse[0] < -_NO_MASS * inverse[-1]:
+        if inverse[0] < -no_mass * inverse[-1]:
             message = f"{self.name}: mass is not positive at {moved}"
             raise MatricesError(message)
-        moving = np.flatnonzero(inverse > _NO_MASS * inverse[-1])[::-1][:n_mode]
+        moving = np.flatnonzero(inverse > no_mass * inverse[-1])[::-1][:n_mode]
         value = 1.0 / inverse[moving] - shift
         scaled = vector[:, moving] / np.sqrt(inverse[moving])
         return np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi), scaled
@@ -259,7 +258,8 @@ def reduce_matrices(
 
 def _shift(structure: MatrixStructure) -> float:
     """Return what times the mass is added to the stiffness before it is factored, (rad/s)**2."""
-    return (_SHIFT * 2.0 * np.pi * structure.band_Hz) ** 2
+    shift = 1 / 4  # of the band: low against its modes, and far above what rounding gives rigid motion
+    return (shift * 2.0 * np.pi * structure.band_Hz) ** 2
 
 
 def _joined(vectors: Vectors, matrix: Any) -> Vectors:

@@ -34,9 +34,6 @@ Vector = NDArray[np.float64]
 N_INTERFACE = 9
 """Interfaces that stand for all: with them the loss of a mode is off by some 1e-3 at most."""
 
-QUADRATURE_ORDER = 4
-"""Over the plan, of elements: nine points of a rectangle."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"2 n any": "rows", "n": "weight spacing"})
@@ -74,7 +71,8 @@ def contact_strain(system: ReducedSystem, *, n_interface: int = N_INTERFACE) -> 
     n_interface : int
         Interfaces at which the strain is taken; all where there are no more.
     """
-    plan, stack = system.assembly.plan.sampled(QUADRATURE_ORDER), system.stack
+    quadrature_order = 4  # Over the plan, of elements: nine points of a rectangle.
+    plan, stack = system.assembly.plan.sampled(quadrature_order), system.stack
     interface, share = chosen_interfaces(stack.n_lamina - 1, n_interface)
     spacing = stack.spacing[interface]
     d, a = (m(stack.n_lamina)[interface].toarray() for m in (jump, mean))
@@ -115,22 +113,12 @@ def chosen_interfaces(n: int, most: int) -> tuple[NDArray[np.intp], Vector]:
     return place, np.linalg.solve(every[place].T, every.sum(axis=0))
 
 
-N_BESIDE = 60
-"""Modes above the one that is followed, of which its deflection is made."""
-
 _SETTLED = 1e-4  # change of a shape of unit length and of an eigenvalue: of the next of Newton's steps it is the square
 
 _MOST_STEPS = 8
 
-_SETTLED_LOSS = 1e-5  # relative change of the eigenvalue in the last step with loss
-
-_MOST_LOSS_STEPS = 60
 
 _NEAR = 0.9  # cosine between shapes at two amplitudes, of which the second is sought from the first
-
-_FIRST_STEP = 1e-3  # of an amplitude: where to begin below it
-
-_MOST_HALVES = 7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -190,12 +178,13 @@ def backbone(
     SolveError
         There is no such mode, amplitudes are not 0 or above and ascending, or a deflection does not settle.
     """
+    n_beside = 60  # Modes above the one that is followed, of which its deflection is made.
     wanted, theta = _ascending(amplitude), _steady(full_parameters(system, G_f, d_f, parameters))
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, system.size)
     if not 0 <= mode < system.size - n_rigid:
         message = f"mode = {mode}: elastic modes are numbered from 0 to {system.size - n_rigid - 1}"
         raise SolveError(message)
-    taken = slice(n_rigid, n_rigid + mode + 1 + N_BESIDE)
+    taken = slice(n_rigid, n_rigid + mode + 1 + n_beside)
     own, vectors = eigenvalues[taken], vectors[:, taken]
     viscous = vectors.T @ system.matrix("C", theta) @ vectors
     contact = _Contact.of(strain, vectors, law, theta)
@@ -286,13 +275,15 @@ def _followed(
 
     Where Newton's method does not settle nearby, the mode is sought halfway first.
     """
+    most_halves = 7
+    first_step = 1e-3  # of an amplitude: where to begin below it
     found = _settled(eigenvalues, contact, a, before)
     if found is not None:
         return found
-    if depth == _MOST_HALVES:
+    if depth == most_halves:
         message = f"at a modal amplitude of {a:g} m sqrt(kg) so much slips that the mode cannot be followed"
         raise SolveError(message)
-    halfway = np.sqrt(max(before[0], _FIRST_STEP * a) * a)
+    halfway = np.sqrt(max(before[0], first_step * a) * a)
     middle = _followed(eigenvalues, contact, float(halfway), before, depth + 1)
     return _followed(eigenvalues, contact, a, middle, depth + 1)
 
@@ -321,6 +312,8 @@ def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[floa
     `at` holds its amplitude, and eigenvalue and shape without loss, from which the steps are taken with one matrix. The
     component along that shape stays what it is.
     """
+    most_loss_steps = 60
+    settled_loss = 1e-5  # relative change of the eigenvalue in the last step with loss
     a, start, shape = at
     value = complex(start)
     u: NDArray[np.complex128] = shape.astype(complex)
@@ -329,11 +322,11 @@ def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[floa
         [[linear.real - start * np.eye(u.size) - tangent, -shape[:, None]], [shape, np.zeros(1)]]
     )
     inverse = np.linalg.inv(bordered)
-    for _ in range(_MOST_LOSS_STEPS):
+    for _ in range(most_loss_steps):
         rest = linear @ u - value * u - (contact.cycle(a * u) / a if a else 0.0)
         step = inverse @ -np.append(rest, 0.0)
         value, u = value + step[-1], u + step[:-1]
-        if abs(step[-1]) <= _SETTLED_LOSS * abs(value):
+        if abs(step[-1]) <= settled_loss * abs(value):
             return value
     message = f"at a modal amplitude of {a:g} m sqrt(kg) so much is lost that the mode does not settle"
     raise SolveError(message)

@@ -264,13 +264,9 @@ class _Sums:
         damped += self.damped if self._range is None else self._range @ self.damped
 
 
-_TWIN = 1e-6  # relative gap of eigenvalues below which one mode's derivatives are taken beside all others
-
 _MOST_STEPS = 30  # of the search for a mode's own frequency
 
 _CONVERGED = 1e-10  # relative change of that frequency
-
-_MOST_GROWTH = 0.9  # of a frequency with the one that its stiffness is taken at, so that steps stay finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,6 +386,8 @@ class _OverFrequency:
         SolveError
             The stiffness is negative there.
         """
+        # of a frequency with the one that its stiffness is taken at, so that steps stay finite
+        most_growth = 0.9
         steady = {target: float(shape @ own @ shape) for target, own in self.steady.items()}
         shares = [(target, factor, float(shape @ own @ shape)) for target, factor, own in self.following]
         for _ in range(_MOST_STEPS):
@@ -404,7 +402,7 @@ class _OverFrequency:
                 raise SolveError(message)
             next_one = float(np.sqrt(value["K"] / value["M"]))
             growth = 0.5 * next_one * (slope["K"] / value["K"] - slope["M"] / value["M"])
-            stretch = (next_one - omega) / (1.0 - min(growth, _MOST_GROWTH))
+            stretch = (next_one - omega) / (1.0 - min(growth, most_growth))
             last, omega = omega, max(omega + stretch, omega / 2.0)
             if abs(omega - last) < _CONVERGED * omega:
                 break
@@ -440,6 +438,8 @@ class _Settled:
         SolveError
             The iteration does not converge.
         """
+        # relative gap of eigenvalues below which one mode's derivatives are taken beside all others
+        twin = 1e-6
         omega, shape = float(np.sqrt(eigenvalues[mode])), vectors[:, mode]
         for _ in range(_MOST_STEPS):
             last, omega = omega, moving.rayleigh(shape, omega)
@@ -452,7 +452,7 @@ class _Settled:
             hertz = omega / 2 / np.pi
             message = f"mode {mode}: its frequency-dependent stiffness does not settle near {hertz:.6g} Hz"
             raise SolveError(message)
-        near = np.abs(eigenvalues - eigenvalues[mode]) < _TWIN * eigenvalues[mode]
+        near = np.abs(eigenvalues - eigenvalues[mode]) < twin * eigenvalues[mode]
         return cls(
             theta={**moving.theta, OMEGA: omega},
             omega=omega,

@@ -51,8 +51,6 @@ _MIN_STEPS = 6  # with through-thickness functions, for modes that the reduced s
 
 _TOLERANCE = 1e-5  # relative change of eigenvalues with through-thickness functions in the last step
 
-_SAFETY = 2.0  # the next drops together are taken as no more than this times their geometric sum
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"n": "frequency error reduction_error"})
@@ -251,12 +249,13 @@ def _over_plan(
 
 def _left(history: list[Vector]) -> Vector:
     """Estimate the relative error that is left from how fast the frequencies fell."""
+    safety = 2.0  # the next drops together are taken as no more than this times their geometric sum
     drops = -np.diff(history, axis=0) / history[-1]
     last = np.maximum(drops[-1], np.finfo(float).eps)
     if len(drops) == 1:
         return last  # nothing is known of the rate yet: half the drop again and again
     rate = np.clip(last / np.maximum(drops[-2], np.finfo(float).eps), 0.05, 0.9)
-    return _SAFETY * last * rate / (1.0 - rate)
+    return safety * last * rate / (1.0 - rate)
 
 
 def _rayleigh_ritz(
@@ -390,7 +389,6 @@ Basis = Literal["first", "enriched", "all laminas"]
 
 _SHARE = 0.1  # of the tolerance, that the through-thickness functions may take in the first basis
 
-_ENRICHED = 0.003  # and in the enriched one
 
 _SPARE = 2  # modes beyond those asked for, so that none is missing among close ones
 
@@ -458,6 +456,7 @@ def solve_verified(
     SolveError
         The modes do not converge.
     """
+    enriched = 0.003  # relative error at which modes over z are dropped, in the enriched basis
     contact = stack.contact
 
     def attempt(share: float) -> tuple[ReducedSystem, Modes, NDArray[np.float64]]:
@@ -468,7 +467,7 @@ def solve_verified(
     system, modes, error = attempt(_SHARE)
     first, basis = float(error.max()), "first"
     if first > tolerance:
-        system, modes, error = attempt(_ENRICHED)
+        system, modes, error = attempt(enriched)
         basis = "enriched"
     if error.max() > tolerance:
         check = refine(system, G_f=contact.G_f, n_mode=n_mode, tolerance=_SHARE * tolerance)

@@ -77,10 +77,6 @@ def pressure_figure(field: PressureField) -> Figure:
 
 Vector = NDArray[np.float64]
 
-_SWELL = 0.08  # largest drawn displacement, as a share of the stack's length
-
-_SHEETS = 9  # laminas whose edges are drawn
-
 
 def mode_plotter(
     system: ReducedSystem, modes: Modes, mode: int, *, size: tuple[int, int] = (900, 600)
@@ -110,11 +106,14 @@ def mode_plotter(
     """
     import pyvista as pv
 
+    sheets = 9  # laminas whose edges are drawn
+    swell = 0.08  # largest drawn displacement, as a share of the stack's length
+
     stack = system.stack
-    lamina = np.unique(np.linspace(0, stack.n_lamina - 1, _SHEETS).round().astype(int))
+    lamina = np.unique(np.linspace(0, stack.n_lamina - 1, sheets).round().astype(int))
     surface = mode_surface(system, modes, mode, lamina=lamina.tolist())
     length = np.linalg.norm(surface.displacement, axis=-1)
-    scale = _SWELL * stack.length / length.max()
+    scale = swell * stack.length / length.max()
     moved = surface.location + scale * surface.displacement
 
     with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
@@ -177,8 +176,6 @@ _SHEET, _EDGE, _CLAMP, _SUPPORT = "#dfe5ec", "0.35", "#b3341f", "#1f5f8b"
 
 _LINES = 12  # of laminas that the side shows at most
 
-_LEAST_CLAMP = 0.02  # drawn width of a clamp over a line or point, as a share of the length
-
 
 @html_of.register(Stack)
 def stack_html(own: Stack) -> str:
@@ -217,6 +214,8 @@ def stack_figure(own: Stack) -> Figure:
 def _draw_plan(axes: Axes, own: Stack) -> None:
     from matplotlib.patches import Polygon, Rectangle
 
+    least_clamp = 0.02  # drawn width of a clamp over a line or point, as a share of the length
+
     if isinstance(own.outline, Triangulation):
         axes.triplot(*(1e3 * own.outline.point).T, own.outline.triangle, color=_EDGE, linewidth=0.5)
     else:
@@ -227,7 +226,7 @@ def _draw_plan(axes: Axes, own: Stack) -> None:
         for hole in holes:
             axes.add_patch(Polygon(1e3 * hole, facecolor="white", edgecolor=_EDGE))
     for clamp in own.clamps:
-        x, y = (max(size, _LEAST_CLAMP * own.length) for size in clamp.footprint)
+        x, y = (max(size, least_clamp * own.length) for size in clamp.footprint)
         corner = 1e3 * (clamp.x - x / 2.0), 1e3 * (clamp.y - y / 2.0)
         axes.add_patch(Rectangle(corner, 1e3 * x, 1e3 * y, color=_CLAMP, alpha=0.6))
     for support in own.supports:

@@ -222,10 +222,6 @@ def _bordered(matrix: NDArray[np.float64], border: NDArray[np.float64]) -> tuple
 
 Index = NDArray[np.int64]
 
-_LEAF = 100  # nodes of a piece that is cut no further: its dense matrix is about as quick as a sparse one
-
-_MOST_CUT = 0.5  # of the nodes of a piece that a cut may take; with more, cutting does not help
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Front:
@@ -289,12 +285,15 @@ class CholeskyFactor:
 
     def _pieces(self, place: Vectors, nodes: Index) -> list[tuple[Index, int]]:
         """Return pieces in the order of elimination, each with its nodes and the number of those below it."""
-        if nodes.size <= _LEAF:
+        most_cut = 0.5  # of the nodes of a piece that a cut may take; with more, cutting does not help
+        # nodes of a piece that is cut no further: its dense matrix is about as quick as a sparse one
+        leaf = 100
+        if nodes.size <= leaf:
             return [(nodes, 0)]
         one, two, cut = min(
             (self._halves(place[nodes, i], nodes) for i in range(3)), key=lambda own: own[2].size
         )
-        if not two.size or cut.size > _MOST_CUT * nodes.size:
+        if not two.size or cut.size > most_cut * nodes.size:
             return [(nodes, 0)]
         rest = np.setdiff1d(two, cut, assume_unique=True)
         parts = [self._pieces(place, part) for part in (one, rest) if part.size]

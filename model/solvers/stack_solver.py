@@ -19,7 +19,6 @@ Vector = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _FREE = 1e-8  # of the shift: energy of rigid-body motion below it is rounding
-_UNCOUPLED = 1e-12  # of a matrix's largest entry over z: below it, a coupling of two functions is rounding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -360,6 +359,7 @@ def solver_over_plan(assembly: Assembly) -> Solver:
 
 def _uncoupled_functions(assembly: Assembly) -> list[dict[Field, Index]]:
     """Return the sets of through-thickness functions, for each field, of which no term couples one to another."""
+    uncoupled = 1e-12  # of a matrix's largest entry over z: below it, a coupling of two functions is rounding
     ends = np.cumsum([0, *(assembly.n_z[field] for field in FIELDS)])
     linked = np.zeros((ends[-1], ends[-1]), dtype=bool)
     for term in assembly.terms:
@@ -368,7 +368,7 @@ def _uncoupled_functions(assembly: Assembly) -> list[dict[Field, Index]]:
         for kron in term.krons:
             size = np.abs(kron.z.toarray() if sp.issparse(kron.z) else kron.z)
             r, c = FIELDS.index(kron.row), FIELDS.index(kron.column)
-            linked[ends[r] : ends[r + 1], ends[c] : ends[c + 1]] |= size > _UNCOUPLED * size.max()
+            linked[ends[r] : ends[r + 1], ends[c] : ends[c + 1]] |= size > uncoupled * size.max()
     count, label = sp.csgraph.connected_components(sp.csr_matrix(linked), directed=False)
     return [
         {field: np.flatnonzero(label[ends[i] : ends[i + 1]] == part) for i, field in enumerate(FIELDS)}

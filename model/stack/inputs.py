@@ -21,10 +21,6 @@ from model.stack.files import plain_text
 
 _COLUMNS = ("strain", "pressure_kPa")
 
-_MOST_SHOWN = 100  # characters of a row in a message
-
-_LEAST_RISE = 1e-12  # from point to point, of the largest value: less is rounding, and divided by
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"n": "strain pressure"})
@@ -51,6 +47,7 @@ class CompressionCurve:
     pressure: NDArray[np.float64]
 
     def __post_init__(self) -> None:
+        least_rise = 1e-12  # from point to point, of the largest value: less is rounding, and divided by
         n = self.strain.size
         if n < 3:
             message = f"compression curve: {n} points; at least 3 are needed"
@@ -69,11 +66,11 @@ class CompressionCurve:
                 )
                 raise StackError(message)
             values = getattr(self, name)
-            falls = np.flatnonzero(~(np.diff(values) > _LEAST_RISE * np.abs(values).max()))
+            falls = np.flatnonzero(~(np.diff(values) > least_rise * np.abs(values).max()))
             if falls.size:
                 row = int(falls[0]) + 1
                 message = (
-                    f"compression curve: {name} must rise from point to point, by {_LEAST_RISE:g} of the largest or "
+                    f"compression curve: {name} must rise from point to point, by {least_rise:g} of the largest or "
                     f"more, but point {row + 1} has {values[row]:g} after {values[row - 1]:g}"
                 )
                 raise StackError(message)
@@ -146,6 +143,7 @@ def read_curve(path: str | Path) -> CompressionCurve:
 
 
 def _values(path: Path, rows: csv.DictReader[str]) -> list[list[float]]:
+    most_shown = 100  # characters of a row in a message
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
     if missing:
         message = f"{path}: column {missing[0]} is missing; the columns are {', '.join(_COLUMNS)}"
@@ -156,7 +154,7 @@ def _values(path: Path, rows: csv.DictReader[str]) -> list[list[float]]:
             values.append([float(row[name]) for name in _COLUMNS])
         except (TypeError, ValueError) as error:
             message = (
-                f"{path}: row {i + 1}: {', '.join(_COLUMNS)} must be numbers, got {str(row)[:_MOST_SHOWN]}"
+                f"{path}: row {i + 1}: {', '.join(_COLUMNS)} must be numbers, got {str(row)[:most_shown]}"
             )
             raise StackError(message) from error
     return values

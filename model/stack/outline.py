@@ -19,10 +19,6 @@ from model.stack.errors import StackError
 Points = NDArray[np.float64]
 _PICKLES = (".pkl", ".pickle")
 
-_CLEARANCE = 0.55  # of the element size, between the boundary and the points inside
-_SMOOTHING = 12
-_ATTEMPTS = 6
-_LEAST_ANGLE = 5.0  # degrees
 _SEGMENTS = 16  # fewest sides of a circle
 _LARGEST = 1000.0  # m; what is larger is a slip
 
@@ -48,6 +44,7 @@ class Triangulation:
     triangle: NDArray[np.int64]
 
     def __post_init__(self) -> None:
+        least_angle = 5.0  # degrees
         object.__setattr__(self, "point", readonly("Triangulation", "point", self.point, (None, 2)))
         corners = readonly("Triangulation", "triangle", self.triangle, (None, 3), int)
         object.__setattr__(self, "triangle", corners)
@@ -56,11 +53,11 @@ class Triangulation:
             raise StackError(message)
         angle = smallest_angle(self.point, corners)
         worst = int(np.argmin(angle))
-        if angle[worst] < _LEAST_ANGLE:
+        if angle[worst] < least_angle:
             x, y = self.point[corners[worst]].mean(axis=0)
             message = (
                 f"mesh: the triangle at ({x:g}, {y:g}) m has an angle of {angle[worst]:.2g} degrees; at least "
-                f"{_LEAST_ANGLE:g} are needed. Refine the mesh there (more elements, or drop tiny details)."
+                f"{least_angle:g} are needed. Refine the mesh there (more elements, or drop tiny details)."
             )
             raise StackError(message)
 
@@ -131,9 +128,10 @@ class Outline:
         StackError
             No sound mesh of that size was found; the message says where it fails.
         """
+        attempts = 6
         polygons = (self.boundary, *self.holes)
         rims = [_divided(polygon, size) for polygon in polygons]
-        for _ in range(_ATTEMPTS):
+        for _ in range(attempts):
             point, triangle, rims, complete = _delaunay(polygons, rims, size)
             if complete:
                 used, index = np.unique(triangle, return_inverse=True)
@@ -345,6 +343,8 @@ def _delaunay(
     polygons: tuple[Points, ...], rims: list[Points], size: float
 ) -> tuple[Points, NDArray[np.int64], list[Points], bool]:
     """Return points, triangles, rims with sides split where no triangle lies on them, and whether all were there."""
+    smoothing = 12
+    clearance = 0.55  # of the element size, between the boundary and the points inside
     rim = np.vstack(rims)
     low, high = rim.min(axis=0), rim.max(axis=0)
     x, y = np.meshgrid(
@@ -355,14 +355,14 @@ def _delaunay(
     grid = grid[inside(grid, polygons)]
     dense = np.vstack([_divided(r, size / 4.0) for r in rims])
     distance = scipy.spatial.cKDTree(dense).query(grid)[0]
-    free = grid[distance > _CLEARANCE * size]
+    free = grid[distance > clearance * size]
     point = np.vstack([rim, free])
-    for step in range(_SMOOTHING + 1):
+    for step in range(smoothing + 1):
         triangle = np.asarray(scipy.spatial.Delaunay(point).simplices, dtype=np.int64)
         centre = point[triangle].mean(axis=1)
         flat = _areas(point, triangle) < 1e-6 * size**2
         triangle = triangle[inside(centre, polygons) & ~flat]
-        if step < _SMOOTHING:
+        if step < smoothing:
             point = _smoothed(point, triangle, len(rim))
     sides = np.sort(triangle[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     present = {(int(a), int(b)) for a, b in sides}

@@ -21,7 +21,6 @@ Laminas = Literal["all", "bottom", "top", "faces"]
 
 PLATE_POISSON = 0.3
 """Poisson's ratio of the plates that press a stack: of steel."""
-_MOST_ELEMENTS = 1000  # along a side; more is a slip, and would fill the memory before anything is said
 
 
 def require_positive(owner: str, value: object, *names: str) -> None:
@@ -295,9 +294,11 @@ class Mesh:
     n_y: int = 6
 
     def __post_init__(self) -> None:
+        # along a side; more is a slip, and would fill the memory before anything is said
+        most_elements = 1000
         require_positive("mesh", self, "n_x", "n_y")
-        if max(self.n_x, self.n_y) > _MOST_ELEMENTS:
-            message = f"mesh: n_x and n_y must be at most {_MOST_ELEMENTS}, got {self.n_x} and {self.n_y}"
+        if max(self.n_x, self.n_y) > most_elements:
+            message = f"mesh: n_x and n_y must be at most {most_elements}, got {self.n_x} and {self.n_y}"
             raise StackError(message)
 
 

@@ -33,8 +33,6 @@ from model.stack.parts import (
     require_positive,
 )
 
-_THINNEST = 1e-6  # m; a lamina that is thinner is a slip, and as many of them would fill the memory
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Stack(Shown):
@@ -218,10 +216,11 @@ def _check_pressure(stack: Stack) -> None:
 
 
 def _check_pitch(stack: Stack) -> None:
+    thinnest = 1e-6  # m; a lamina that is thinner is a slip, and as many of them would fill the memory
     if stack.pitch <= 0.0:
         message = f"stack: height {stack.height:g} m leaves no room for laminas between the interlayers"
         raise StackError(message)
-    if stack.pitch < _THINNEST:
+    if stack.pitch < thinnest:
         message = (
             f"stack: n_lamina = {stack.n_lamina} in a height of {stack.height:g} m makes laminas {stack.pitch:.2g} m "
             "thick; electrical steel has 1e-4 to 1e-3 m"

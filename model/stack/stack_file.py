@@ -34,7 +34,6 @@ from model.stack.parts import (
 )
 from model.stack.stack import Stack
 
-_TOUCHING_MM = 1e-6  # of rounding
 _Large = Annotated[float, Field(le=1e12)]
 """A number in the units of a file: none of a real stack is as large, and products of such are still finite."""
 
@@ -296,9 +295,10 @@ def _to_si(given: StackFile, folder: Path) -> Stack:
 
 def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> None:
     """Refuse clamps that press what is not there, or what another one presses."""
+    touching_mm = 1e-6  # of rounding
     for i, clamp in enumerate(clamps):
         for axis, side, whole in zip("xy", clamp.footprint_mm, size_mm, strict=True):
-            if side > whole + _TOUCHING_MM:
+            if side > whole + touching_mm:
                 message = (
                     f"clamps[{i}]: footprint_mm is {side:g} mm along {axis}, but the stack is {whole:g} mm; give the "
                     "part that lies on it"
@@ -309,7 +309,7 @@ def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> Non
             reach = zip(clamp.footprint_mm, other.footprint_mm, strict=True)
             shared = [(p + q) / 2.0 - gap for (p, q), gap in zip(reach, apart, strict=True)]
             if (
-                max(apart) > 0.0 and min(shared) > _TOUCHING_MM
+                max(apart) > 0.0 and min(shared) > touching_mm
             ):  # at the same place they are one that is heavier
                 message = (
                     f"clamps[{j}] and clamps[{i}]: their footprints overlap by {shared[0]:g} mm along x and "

@@ -1,6 +1,7 @@
 """A diagnosis as its user runs it: made once, read back while nothing that it came from has changed."""
 
 import io
+import itertools
 
 import pytest
 from rich.console import Console
@@ -19,7 +20,8 @@ from updating.report.results import read_results
 from updating.results.ledger import Ledger
 from updating.results.store import read_result
 from updating.results.text import interval_text, percent
-from updating.workbench.what_if import outcome, tried_model, values_of
+from updating.workbench import what_if
+from updating.workbench.what_if import kept_reduction, outcome, tried_model, values_of
 from updating.workbench.what_if_panel import fitted_sentence
 
 CONSIDERED = ("clamp_mass", "pressure_exponent")
@@ -81,11 +83,14 @@ def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(
 
     monkeypatch.setattr(command, "catalogue", lambda _: {name: whole[name] for name in CONSIDERED})
     monkeypatch.setattr(command, "diagnose_stack", counted)
+    monkeypatch.setattr(what_if, "catalogue", lambda: {name: whole[name] for name in CONSIDERED})
     monkeypatch.setattr(cached_model, "folder", lambda: tmp_path / "cache")
     shown, out = io.StringIO(), tmp_path / "out"
     monkeypatch.setattr(fit_command, "OUT", Console(file=shown, width=250))
     command.diagnose_campaign(campaign, out, [], Console(quiet=True), scatter_file=scatter)
-    fit_command.fit(campaign, out, effect=["clamp_mass"], scatter=scatter)
+    fit_command.fit_command(
+        campaign, out, 0.8, ["clamp_mass"], [], scatter, None, keep=False, identify_anew=False
+    )
     assert len(made) == (
         1 if made[0].has(("clamp_mass",)) else 2
     )  # where it can, it is the one that was there
@@ -128,11 +133,13 @@ def assert_shown_alike(campaign_file, out, found):
         results, ["clamp_mass"]
     )
     campaign = read_campaign(campaign_file)
-    for effects in error:
+    kept = kept_reduction(results)
+    assert kept is not None
+    for effects, reduced in itertools.product(error, (None, kept)):
         shown = []
         for tested in results.tested:
             state = campaign.configuration(tested.name)
-            tried = tried_model(results, tested, state, campaign.stack, effects)
+            tried = tried_model(results, tested, state, campaign.stack, effects, reduced)
             shown.append(outcome(tried, values_of(results, tested.name, effects)))
         n = sum(own.measured.size for own in shown)
         assert sum(own.error * own.measured.size for own in shown) / n == pytest.approx(

@@ -13,7 +13,7 @@ from rich.console import Console
 from ema.types.errors import EmaError
 from model import catalogue
 from updating.commands import update as update_command
-from updating.commands.update import parameter_table, read_update_file, run_update
+from updating.commands.update import UpdateFile, held_out, parameter_table, read_update_file, run_update
 from updating.diagnosis.joint_answer import Updated
 from updating.errors import FitError
 from updating.pooled.joint_fit import joint_fit
@@ -121,20 +121,7 @@ def test_an_unknown_configuration_is_said_before_anything_is_identified(tmp_path
     assert not (tmp_path / "out").exists()
 
 
-def test_a_mode_that_is_not_there_cannot_be_held_out(tmp_path):
-    """Rows of a table: the smallest updating, of two of the published stacks."""
-    path = tmp_path / "update.toml"
-    path.write_text(
-        f"""
-name = "two stacks"
-damping = false
-[[campaign]]
-file = "{ROOT / "data/pirnat2013/table7.toml"}"
-configurations = ["6", "8"]
-[hold_out]
-6 = [5]
-""",
-        encoding="utf-8",
-    )
+def test_a_mode_that_is_not_there_cannot_be_held_out():
+    given = UpdateFile.model_validate({"name": "x", "campaign": [{"file": "a.toml"}], "hold_out": {"6": [5]}})
     with pytest.raises(FitError, match=r"hold_out\.6: there is no mode 5; it has 4"):
-        run_update(path, tmp_path / "out", Console(quiet=True))
+        held_out(given, {"6": 4})

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from updating.fitting.modal_table import fit_row, read_modal_table
+from tests.studies.published.modal_table import fit_row, read_modal_table
 
 TABLE = read_modal_table(Path(__file__).parents[2] / "data/pirnat2013/table7.toml")
 

@@ -33,10 +33,10 @@ from ema.types.errors import EmaError, IdentificationError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 from tests.studies.published.campaign import read_published
+from tests.studies.published.modal_table import read_modal_table
 from updating import LAMELLA_ERRORS
 from updating.commands.update import read_update_file
 from updating.errors import StoreError
-from updating.fitting.modal_table import read_modal_table
 from updating.pooled.campaign_file import read_specimens, specimens_of
 from updating.pooled.modal_files import classes
 from updating.results.store import read_document, read_frf, write_frf

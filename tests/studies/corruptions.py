@@ -42,8 +42,7 @@ from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.diagnosis import diagnose
 from updating.errors import LAMELLA_ERRORS
-from updating.fitting.fit import G_F_BOUNDS
-from updating.fitting.target import stack_in_state
+from updating.fitting.fit import G_F_BOUNDS, stack_in_state
 
 Outcome = Literal["named", "harmless", "refused", "wrong"]
 OUTCOMES: tuple[Outcome, ...] = ("named", "harmless", "refused", "wrong")

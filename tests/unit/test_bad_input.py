@@ -325,9 +325,7 @@ TABLE = {
     "effect file without end": ("model stack.toml --effect-file mine.py", holds("mine.py", "x = 1"),
                                 ["mine.py: has no EFFECT"]),
     "configuration": ("pick campaign.toml M2", untouched, ["no configuration 'M2'; Allowed: M1"]),
-    "bytes in a published table": ("fit table7.toml", published("table7_frequencies_320kPa.csv", b"364", b"\xff"),
-                                  ["table7_frequencies_320kPa.csv", "utf-8"]),
-    "effects of a table": (f"fit {PUBLISHED}/table7.toml --effect fill_factor", untouched, ["lamella update"]),
+    "bytes in a table of modes": ("fit campaign.toml", published("modes.csv", b"364", b"\xff"), ["modes.csv"]),
     "names of one folder": ("ema campaign.toml", campaign("[identification]", SECOND),
                             ["'M1' and 'm1' would both be written to the folder m1"]),
     # impossible values

@@ -9,7 +9,7 @@ import pytest
 from model import read_effect, read_stack
 from model.stack.parts import Mesh
 from tests.studies.published.shared_opt_G import fit_shared_opt_G
-from updating.fitting.target import prepare, solve_target, target_of_table
+from tests.studies.published.target import prepare, solve_target, target_of_table
 from updating.virtual.vibration_test import read_virtual_test, specimens
 
 ROOT = Path(__file__).parents[2]

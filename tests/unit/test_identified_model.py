@@ -30,7 +30,7 @@ EFFECT, PARAMETER, VALUE = "lost_contact_middle", "middle_loss", 0.4
 
 def results(**given):
     empty = {
-        "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
+        "name": "campaign", "tested": (), "missing": (), "ledger": (),
         "diagnosis": None, "updated": None, "pooled": None, "folder": Path("out/x"), "campaign": None, "origin": {},
     }  # fmt: skip
     return Results(**(empty | given))

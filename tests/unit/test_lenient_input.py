@@ -16,7 +16,6 @@ from ema.types.geometry import Geometry
 from model import read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.update import read_update_file
-from updating.fitting.modal_table import is_modal_table
 
 MARK = b"\xef\xbb\xbf"
 POINTS = "node,x,y,z\n1,-150,0,5\n2,150,0,5\n"
@@ -56,8 +55,6 @@ def test_a_mark_of_the_byte_order_is_no_part_of_a_file(campaign, tmp_path, stack
     update = tmp_path / "update.toml"
     update.write_text('name = "one"\n[[campaign]]\nfile = "campaign.toml"\n', encoding="utf-8")
     assert read_update_file(marked(update)).name == "one"
-    update.write_text("[modal_table]\n", encoding="utf-8")
-    assert is_modal_table(marked(update))
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])

@@ -29,7 +29,7 @@ from ema.io.uff58 import encode_58b
 from ema.types.errors import CampaignError, MeasurementError
 from updating.commands.command_line import app
 from updating.errors import FitError
-from updating.fitting.target import model_file
+from updating.fitting.fit import model_file
 
 pytestmark = pytest.mark.usefixtures("all_undrawn")
 FREQUENCY = 0.5 * np.arange(1, 401)

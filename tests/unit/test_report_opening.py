@@ -33,7 +33,7 @@ BOTH = ranked("clamp_mass", "weld_seam", error=0.0005, left_out=0.0014)
 
 def results(**given):
     empty = {
-        "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
+        "name": "campaign", "tested": (), "missing": (), "ledger": (),
         "diagnosis": None, "pooled": None, "updated": None, "folder": Path("out/x"),
         "campaign": Path("my test/x.toml"), "origin": {},
     }  # fmt: skip

@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model import read_stack
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
 from updating.diagnosis.answer_parts import Moved
-from updating.fitting.fit import Estimate, ParameterEstimate
-from updating.fitting.modal_table import TableFit, TableRow
+from updating.fitting.fit import ParameterEstimate
 from updating.report.answer import answer_section, moved_table
 from updating.report.chart import printed
 from updating.report.ledger_part import (
@@ -20,7 +18,7 @@ from updating.report.ledger_part import (
     signature_chart,
     signature_section,
 )
-from updating.report.page import provenance_section, render, sections
+from updating.report.page import provenance_section, sections
 from updating.report.results import Results
 from updating.results.ledger import Entry
 
@@ -30,7 +28,7 @@ NAN = float("nan")
 
 def results(**given):
     empty = {
-        "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
+        "name": "campaign", "tested": (), "missing": (), "ledger": (),
         "diagnosis": None, "updated": None, "pooled": None, "folder": Path("out/x"), "campaign": Path("x.toml"),
         "origin": {},
     }  # fmt: skip
@@ -113,37 +111,6 @@ def test_what_was_moved_is_listed_with_the_farthest_first():
     assert rows[0] == ("pressure", "1", "0.7", "0.0196", "0.196", "3.0")
     assert [row[0] for row in rows[1:]] == ["gain", "contact stiffness"]
     assert rows[2][-2:] == ("", "")
-
-
-def table_fit(name, factor):
-    measured = np.array([300.0, 400.0])
-    estimate = Estimate(
-        name="G_f", unit="Pa/Pa", value=1000.0 * factor, std=10.0, lower=100.0, upper=1e4, at_bound=False,
-        objective=1.0, history=np.array([[900.0, 2.0], [1000.0, 1.0]]),
-    )  # fmt: skip
-    row = TableRow(
-        name=name, stack=read_stack(STACK), frequency=measured, published_frequency=1.2 * measured,
-        published_G_f=NAN,
-    )  # fmt: skip
-    return TableFit(
-        row=row, G_f=estimate, frequency=factor * measured, error=abs(factor - 1.0), published_error=0.2,
-        G_f_to_published=estimate, frequency_to_published=measured, model_misfit=0.01,
-    )  # fmt: skip
-
-
-def test_every_row_of_a_table_leads_to_its_section():
-    given = results(
-        table=(table_fit("1", 1.1), table_fit("2", 0.9)),
-        shape_class=("torsion 1", "bending 1"),
-        origin={"stack_1/fit.json": {"versions": {"lamella": "1"}, "options": {}, "inputs": {"a": "00"}}},
-    )
-    parts = sections(given)
-    overview = parts[2].blocks[0]
-    assert overview.link == ("#stack-1", "#stack-2")
-    assert {f"#{part.anchor}" for part in parts} >= set(overview.link)
-    assert overview.rows[0][1:3] == ("300 | 360 | 330", "400 | 480 | 440")
-    assert parts[3].blocks[0].rows[0] == ("torsion 1", "300", "360", "+20.0", "330.0", "+10.0")
-    assert 'href="#stack-2"' in render("title", parts)
 
 
 def test_the_provenance_names_versions_options_and_every_input():

@@ -10,8 +10,8 @@ from model import find_effects, read_stack
 from model.stack.parts import Mesh
 from tests.studies.published.campaign import pressure_law
 from tests.studies.published.shared_opt_G import fit_shared_opt_G
+from tests.studies.published.target import prepare, solve_target, target_of_table
 from updating.errors import FitError
-from updating.fitting.target import prepare, solve_target, target_of_table
 
 ROOT = Path(__file__).parents[2]
 CLASSES = ("torsion 1", "bending 1", "bending 2", "torsion 2")

@@ -37,7 +37,7 @@ def ranked(*effects, parameter=()):
 
 def results(**given):
     empty = {
-        "name": "campaign", "tested": (), "table": (), "shape_class": (), "missing": (), "ledger": (),
+        "name": "campaign", "tested": (), "missing": (), "ledger": (),
         "diagnosis": None, "updated": None, "pooled": None, "folder": Path("out/x"), "campaign": None, "origin": {},
     }  # fmt: skip
     return Results(**(empty | given))

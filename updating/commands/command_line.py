@@ -474,9 +474,6 @@ EXTRAS = {
 }
 """Packages that some commands need, with the extra of `pyproject.toml` that brings them."""
 
-_INTERRUPTED = 130
-"""Exit code of a command that Ctrl-C ended (128 and the number of its signal)."""
-
 
 def _say(message: str) -> None:
     """Print an error as it stands; lines are left for the terminal to break."""
@@ -506,6 +503,7 @@ def main() -> None:
     What asks the process to end (SIGTERM), such as a batch system or the workbench, ends it as Ctrl-C does: its workers
     with it, and nothing of theirs is left behind.
     """
+    interrupted = 130  # Exit code of a command that Ctrl-C ended (128 and the number of its signal).
     print_what_can_be()
     _hand_back_large_arrays()
     if current_thread() is main_thread():
@@ -528,6 +526,6 @@ def main() -> None:
         _say(f"{error.filename or 'a file'}: {error.strerror or error}")
         sys.exit(1)
     except SystemExit as stopped:
-        if stopped.code == _INTERRUPTED:
+        if stopped.code == interrupted:
             ERR.print("Interrupted; what was done is kept, and the same command goes on from there.")
         raise

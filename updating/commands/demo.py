@@ -9,9 +9,10 @@ from rich.table import Table
 
 from ema.types.threads import single_threaded
 from updating.commands.diagnose import diagnose_campaign
-from updating.commands.fit import LEAST_MAC, LedgerRequest, campaign_ledger, fit_campaign
+from updating.commands.fit import LedgerRequest, campaign_ledger, fit_campaign
 from updating.commands.report import make_report
 from updating.commands.terminal import OUT
+from updating.correlation.pairing import LEAST_MAC
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import FitError, StoreError
 from updating.results.identified import Failed

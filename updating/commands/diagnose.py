@@ -28,8 +28,7 @@ from updating.diagnosis.scatter_file import read_scatter
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command, second_level_text
 from updating.errors import FitError
-from updating.fitting.modal_table import is_modal_table
-from updating.fitting.target import model_file, stack_in_state
+from updating.fitting.fit import model_file, stack_in_state
 from updating.pooled.campaign_file import has_specimens
 from updating.results.campaign import (
     AMPLITUDE,
@@ -192,12 +191,6 @@ def diagnose_command(
     """Diagnose what a campaign file lists, and print the answer."""
     if identify_anew:
         forget_choices(output)
-    if is_modal_table(campaign):
-        message = (
-            f"{campaign}: a diagnosis needs shapes, or [[specimen]] tables whose modes are named by class; for a modal "
-            f"table, lamella fit {campaign} --effect NAME -o {output} says how far an effect lowers the error"
-        )
-        raise FitError(message)
     if has_specimens(campaign):
         from updating.commands.specimens import diagnose_pooled, print_pooled
 

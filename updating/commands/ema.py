@@ -57,10 +57,6 @@ from updating.results.identified import (
 from updating.results.store import folder_name, read_frf, write_bytes, write_result
 from updating.workers.workers import in_parallel
 
-_LONGEST_NAME = 24  # characters on one line
-
-_MODE_COLUMN = 16  # characters of "12345.6  12.34" with its frame
-
 
 @single_threaded
 def ema_command(
@@ -220,8 +216,10 @@ def comparison_tables(comparison: Comparison, width: int) -> Iterator[Table]:
     Modes that do not fit beside each other into `width` characters come in further tables: a column that is cut says
     nothing.
     """
-    names = min(max(len(name) for name in comparison.name), _LONGEST_NAME)
-    fit = max(1, (width - names - 4) // _MODE_COLUMN)
+    mode_column = 16  # characters of "12345.6  12.34" with its frame
+    longest_name = 24  # characters on one line
+    names = min(max(len(name) for name in comparison.name), longest_name)
+    fit = max(1, (width - names - 4) // mode_column)
     for first in range(0, comparison.frequency.shape[1], fit):
         yield _comparison_table(comparison, slice(first, first + fit), names)
 

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -25,11 +24,8 @@ from updating import commands
 from updating.commands.ema import print_campaign_findings, print_findings
 from updating.commands.terminal import OUT, progress
 from updating.correlation.correlation import correlate
-from updating.errors import FitError
-from updating.fitting.fit import Fit, ModelFit
+from updating.fitting.fit import Fit, ModelFit, model_file, specimen_name, stack_in_state
 from updating.fitting.fit import fit as fit_configuration
-from updating.fitting.modal_table import TableFit, TableRow, fit_row, is_modal_table, read_modal_table
-from updating.fitting.target import model_file, specimen_name, stack_in_state
 from updating.pooled.campaign_file import has_specimens
 from updating.pooled.specimen import Specimen
 from updating.results.identified import (
@@ -43,12 +39,9 @@ from updating.results.identified import (
     require_none,
 )
 from updating.results.ledger import Entry, ledger_table, write_ledger
-from updating.results.store import folder_name, kept, write_result
+from updating.results.store import kept
 from updating.results.text import parameter_text
 from updating.workers.workers import in_parallel, workers
-
-LEAST_MAC = 0.8
-"""Smallest MAC that makes a pair of modes where a command does not ask for it, as `lamella fit` has by default."""
 
 
 @single_threaded
@@ -74,17 +67,6 @@ def fit_command(
         from updating.commands.specimens import fit_pooled, print_pooled
 
         print_pooled(fit_pooled(campaign, output, effect, effect_file, OUT, cluster=cluster), output, OUT)
-        return
-    if is_modal_table(campaign):
-        if effect:
-            message = (
-                f"{campaign}: a table of modes is fitted with G_f alone; list it in a file for lamella update with the "
-                "effects that its rows share, or describe the stacks as specimens (docs/formats.md)"
-            )
-            raise FitError(message)
-        rows = fit_modal_table(campaign, output, OUT, cluster)
-        OUT.print(modal_table(rows))
-        OUT.print(f"Report: {commands.make_report(output)}")
         return
     fits, done, failed = [], list[Identified](), []
     for outcome in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
@@ -151,25 +133,6 @@ def _identify_and_fit(
     return result, fitted
 
 
-def fit_modal_table(
-    campaign_file: Path, output: Path, console: Console, cluster: str | None = None
-) -> tuple[TableFit, ...]:
-    """Fit every row of a modal table and write each result as soon as it is there.
-
-    Rows that an earlier run left are read back.
-    """
-    table = read_modal_table(campaign_file)
-    write_result(output / "modal_table.json", table, inputs=table.inputs, options={})
-    inputs = tuple(file.absolute() for file in table.inputs)
-    task = partial(_fit_row, table.shape_class, inputs, output.absolute())
-    return tuple(in_parallel(task, table.rows, "fit", console, cluster))
-
-
-def _fit_row(shape_class: tuple[str, ...], inputs: tuple[Path, ...], output: Path, row: TableRow) -> TableFit:
-    path = output / f"stack_{folder_name(row.name)}" / "fit.json"
-    return kept(path, TableFit, partial(fit_row, row, shape_class), inputs=inputs, options={})
-
-
 @dataclass(frozen=True, kw_only=True)
 class LedgerRequest:
     """Effects that are to be added, with the files that they and what a laboratory knows are in."""
@@ -214,7 +177,7 @@ def campaign_ledger(
 
 def _of_matrices(campaign_file: Path) -> bool:
     """Tell whether the model of a campaign is a structure of matrices."""
-    if is_modal_table(campaign_file) or has_specimens(campaign_file):
+    if has_specimens(campaign_file):
         return False
     stack = read_campaign(campaign_file).stack
     return stack is not None and is_structure_file(stack)
@@ -288,40 +251,4 @@ def fit_table(measured: ModalModel, fit: Fit) -> Table:
             str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{100 * xi_exp:.3g}",
             f"{100 * xi_num:.3g}", f"{mac:.4f}",
         )  # fmt: skip
-    return table
-
-
-def modal_table(fits: tuple[TableFit, ...]) -> Table:
-    """Print Table 7 of the paper with our numbers beside its own."""
-    published = np.array([f.row.published_G_f for f in fits])
-    known = np.isfinite(published)
-    ratio = np.array([f.G_f.value for f in fits])[known] / published[known]
-    caption = (
-        f"mean relative frequency error: ours {100 * np.mean([f.error for f in fits]):.1f} %, "
-        f"published {100 * np.mean([f.published_error for f in fits]):.1f} %\n"
-        "our model fitted to the published model's frequencies: "
-        f"{100 * np.mean([f.model_misfit for f in fits]):.2f} % off"
-    )
-    if np.any(known):
-        caption += f"\nour G_f over the published: {ratio.min():.3f} to {ratio.max():.3f}"
-    table = Table(
-        title="Natural frequencies [Hz]: measured, published model, ours",
-        title_justify="left",
-        caption=caption,
-        caption_justify="left",
-    )
-    table.add_column("stack", justify="right")
-    for r in range(fits[0].row.frequency.size):
-        table.add_column(f"mode {r + 1}", justify="right", no_wrap=True)
-    for name in ("error [%]\npubl. ours", "G_f\npubl. ours"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for fit in fits:
-        columns = zip(fit.row.frequency, fit.row.published_frequency, fit.frequency, strict=True)
-        published_G_f = "" if np.isnan(fit.row.published_G_f) else f"{fit.row.published_G_f:.0f}"
-        table.add_row(
-            fit.row.name,
-            *(f"{a:.0f} {b:4.0f} {c:4.0f}" for a, b, c in columns),
-            f"{100 * fit.published_error:.1f} {100 * fit.error:.1f}",
-            f"{published_G_f} {fit.G_f.value:4.0f}",
-        )
     return table

@@ -53,8 +53,6 @@ if TYPE_CHECKING:
 
 _WIDTH = 98
 
-_SAME_SHAPE = 0.95  # cross-orthogonality of a mode with itself
-
 
 @single_threaded
 def effects_command(
@@ -154,16 +152,17 @@ def parameter_table(effect: Effect) -> Table:
 
 def signature_table(signature: Signature) -> Table:
     """List what an effect does to the first modes at each pressure."""
+    same_shape = 0.95  # cross-orthogonality of a mode with itself
     values = ", ".join(f"{name} = {value:g}" for name, value in signature.strength.items())
     turned = [
         name
         for name, like in zip(signature.mode, signature.likeness.T, strict=True)
-        if like.min() < _SAME_SHAPE
+        if like.min() < same_shape
     ]
     table = Table(
         title=f"What it does at {values}",
         title_justify="left",
-        caption=f"The shape of {', '.join(turned)} changes: MAC in mass below {_SAME_SHAPE**2:.2g}."
+        caption=f"The shape of {', '.join(turned)} changes: MAC in mass below {same_shape**2:.2g}."
         if turned
         else None,
         caption_justify="left",

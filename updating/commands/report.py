@@ -243,7 +243,8 @@ def open_command(path: Path, output: Path | None, port: int, *, browser: bool, i
     """Serve the workbench of a folder, a campaign or its results until Ctrl-C."""
 
     def make(campaign: Path, folder: Path) -> None:
-        from updating.commands.fit import LEAST_MAC, fit_campaign
+        from updating.commands.fit import fit_campaign
+        from updating.correlation.pairing import LEAST_MAC
 
         for _ in fit_campaign(campaign, folder, LEAST_MAC, OUT):
             pass

@@ -30,12 +30,10 @@ from updating.diagnosis.joint_answer import JointFit, Updated
 from updating.diagnosis.moved import REPORTED, moved_text
 from updating.diagnosis.slipping import AtLevel
 from updating.errors import FitError
-from updating.fitting.modal_table import is_modal_table, read_modal_table
-from updating.fitting.target import model_file, specimen_name, stack_in_state
+from updating.fitting.fit import model_file, specimen_name, stack_in_state
 from updating.pooled.joint_fit import joint_fit
 from updating.pooled.joint_plot import convergence_figure, correlation_figure
 from updating.pooled.specimen import Specimen
-from updating.pooled.table_specimens import table_specimens
 from updating.results.campaign import measurement_findings, over_amplitude
 from updating.results.identified import assignments, every_identified, forget_choices
 from updating.results.ledger import ledger_table, write_ledger
@@ -221,7 +219,7 @@ def run_update(
         inputs += files
     labels = [label for test in tested for label in test.labels]
     sizes = [modes.frequency.size for test in tested for _, _, modes in test.specimen.tested]
-    settings = given.settings(_held_out(given, dict(zip(labels, sizes, strict=True))))
+    settings = given.settings(held_out(given, dict(zip(labels, sizes, strict=True))))
     with workers(MESSAGES, cluster) as executor, progress("fit", console):
         result = joint_fit(
             given.name,
@@ -280,20 +278,6 @@ def _tested(
 ) -> tuple[list[_Tested], list[Path]]:
     """Return the stacks of one campaign with what was identified, and the files that they come from."""
     file, several = path.parent / section.file, len(given.campaign) > 1
-    if is_modal_table(file):
-        table = read_modal_table(file)
-        name = section.name or table.name
-        chosen = _chosen(path, section, [row.name for row in table.rows])
-        rows = replace(table, rows=tuple(row for row in table.rows if row.name in chosen))
-        stacks = [
-            _Tested(
-                replace(specimen, name=f"{name}/{specimen.name}") if several else specimen,
-                (f"{name}/{specimen.name}" if several else specimen.name,),
-                {},
-            )
-            for specimen in table_specimens(rows)
-        ]
-        return stacks, list(table.inputs)
     campaign = read_campaign(file)
     stack_file = model_file(campaign, "a fit")
     name = section.name or campaign.name
@@ -336,7 +320,7 @@ def _chosen(
     return section.configurations
 
 
-def _held_out(given: UpdateFile, size: Mapping[str, int]) -> Mapping[str, tuple[int, ...]]:
+def held_out(given: UpdateFile, size: Mapping[str, int]) -> Mapping[str, tuple[int, ...]]:
     """Return the modes held out, counted from 0, of configurations with so many modes."""
     require_known("hold_out: configuration", given.hold_out, size)
     for name, modes in given.hold_out.items():

@@ -36,9 +36,8 @@ MARGIN = 0.05
 
 N_MODE = 22
 """Modes of the model that are solved for pairing, the six rigid-body modes included."""
-_FREQUENCY_SCATTER = 0.1  # relative error of model frequencies beyond the error that all share
-
-_WORST_CONDITION = 20.0  # of the model's shapes at the measured points: above it their mass says nothing new
+LEAST_MAC = 0.8
+"""Smallest MAC that makes a pair of modes where nothing else is asked for."""
 
 
 class ModeSet(Protocol):
@@ -104,7 +103,7 @@ class Pairing:
         return self.mac[self.measured, self.model]
 
 
-def pair(measured: ModeSet, model: ModeSet, *, threshold: float = 0.8) -> Pairing:
+def pair(measured: ModeSet, model: ModeSet, *, threshold: float = LEAST_MAC) -> Pairing:
     """Pair modes one to one by an assignment over the whole MAC matrix.
 
     Each pair scores its MAC plus at most `MARGIN` for how well frequency, damping and mass cross-orthogonality fit. So
@@ -277,17 +276,20 @@ def _tie_breaker(
     measured: ModeSet, model: ModeSet, value: NDArray[np.float64], threshold: float
 ) -> NDArray[np.float64]:
     """Return how well frequency, damping and mass cross-orthogonality of every two modes fit, from 0 to 1."""
+    # of the model's shapes at the measured points: above it their mass says nothing new
+    worst_condition = 20.0
+    frequency_scatter = 0.1  # relative error of model frequencies beyond the error that all share
     shift_free = [
         _without_common_factor(
             np.log(_ratio(getattr(model, name), getattr(measured, name))), value, threshold
         )
         for name in ("frequency", "damping")
     ]
-    frequency = 1.0 / (1.0 + (shift_free[0] / _FREQUENCY_SCATTER) ** 2)
+    frequency = 1.0 / (1.0 + (shift_free[0] / frequency_scatter) ** 2)
     damping = 1.0 / np.cosh(shift_free[1] / 2.0) ** 2
     fit = frequency * damping
     cross, condition = pseudo_orthogonality(measured.shape, model.shape)
-    return (fit + cross**2) / 2.0 if condition <= _WORST_CONDITION else fit
+    return (fit + cross**2) / 2.0 if condition <= worst_condition else fit
 
 
 def _ratio(model: NDArray[np.float64], measured: NDArray[np.float64]) -> NDArray[np.float64]:

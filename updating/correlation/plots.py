@@ -151,11 +151,7 @@ def region_plotter(
     return plotter
 
 
-_GAPS = (0, (1.5, 3.5))  # through which the other curves are seen
-
 _SPARSE = 16
-
-_SLIDE = (12.3, 5.9)  # in, that a slide has below its title
 
 
 def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
@@ -193,10 +189,12 @@ def overlay_figure(
     """
     from matplotlib.figure import Figure
 
+    slide = (12.3, 5.9)  # in, that a slide has below its title
+
     lines, fitted = synthesized(frf, measured)
     chosen = chosen_functions(measured)
     n = 2 if lines.coherence is None else 3
-    width, height = _SLIDE if beside else (7.5, 0.95 + (2.3 if n == 2 else 2.8) * len(chosen))
+    width, height = slide if beside else (7.5, 0.95 + (2.3 if n == 2 else 2.8) * len(chosen))
     figure = Figure(figsize=(width, height))
     outer = figure.add_gridspec(
         *((1, len(chosen)) if beside else (len(chosen), 1)), hspace=0.17, wspace=0.25, left=0.75 / width,
@@ -283,8 +281,9 @@ def _draw_model(
     *,
     found: bool,
 ) -> None:
+    gaps = (0, (1.5, 3.5))  # through which the other curves are seen
     color, name = (palette.FOUND, "with what was identified") if found else (palette.BASE, "fitted model")
-    magnitude.semilogy(frequency, np.abs(model), color=color, linewidth=1.4, linestyle=_GAPS, label=name)
+    magnitude.semilogy(frequency, np.abs(model), color=color, linewidth=1.4, linestyle=gaps, label=name)
     phase.plot(frequency[::_SPARSE], _degrees(model[::_SPARSE]), ".", color=color, markersize=1.5)
 
 

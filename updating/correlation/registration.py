@@ -91,8 +91,6 @@ def _span(node: NDArray[np.int64]) -> str:
     return "none" if node.size == 0 else f"{node.min()} to {node.max()}"
 
 
-_INVISIBLE = 1e-4  # of the largest motion at the measured DOFs: below it a mode is not seen there
-
 _SINGULAR = 1e6  # condition number from which rounding and the model's own error rule the amplitudes
 
 
@@ -230,8 +228,9 @@ def pseudo_orthogonality(measured: ArrayLike, model: ArrayLike) -> tuple[NDArray
 
 def visible(shape: ArrayLike) -> NDArray[np.bool_]:
     """Tell which modes move the measured DOFs, (n_mode,): some do not, such as in-plane ones seen from above."""
+    invisible = 1e-4  # of the largest motion at the measured DOFs: below it a mode is not seen there
     length = np.linalg.norm(np.asarray(shape), axis=0)
-    return np.asarray(length > _INVISIBLE * length.max(initial=0.0))
+    return np.asarray(length > invisible * length.max(initial=0.0))
 
 
 def _pseudo_inverse(shape: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:

@@ -29,9 +29,6 @@ _TRIALS = 25  # of G_f
 _PAIRED = 0.8
 """MAC from which a measured mode tells of the force, with the model's shape in its place."""
 _FEWEST_MODES = 4
-_FEWEST_POINTS = 3
-"""Points that a sensor must have visited to be taken for one that roves."""
-_STATIONS = (41, 9)  # places along x and y where the force may be
 _DOUBTFUL, _BETTER = 0.15, 0.25
 """Share of the shape at the force that the stated place leaves at least, and what of it another place leaves at most,
 for the force to be said to act there."""
@@ -238,10 +235,11 @@ def upright(checked: RigCheck) -> RigCheck:
 
 def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     """Return the factor on each component that makes the shapes the model's: one but for a sensor that is wrong."""
+    fewest_points = 3  # Points that a sensor must have visited to be taken for one that roves.
     sound, sensor = np.ones(measured.sensor.size), measured.sensor
     least = min(_distance(measured, sound, own, n_dof)[0] for own in modes)
     number = int(sensor.max()) + 1
-    roves = number > 1 and np.bincount(sensor).min() >= _FEWEST_POINTS
+    roves = number > 1 and np.bincount(sensor).min() >= fewest_points
     if not roves or least < _WRONG or measured.frequency.size < _FEWEST_MODES:
         return sound
     # Of two sensors either can be corrected by the other's factor, as the size of a shape is arbitrary.
@@ -300,13 +298,14 @@ def _off(factor: float) -> tuple[bool, float]:
 
 def _places(system: ReducedSystem, measured: ModalModel) -> Vector:
     """Return places where the force may act, (n, 3) m, the stated one first; none where it is not listed."""
+    stations = (41, 9)  # places along x and y where the force may be
     listed = np.flatnonzero(measured.geometry.node == measured.input.node[0])
     if not listed.size:
         return np.empty((0, 3))
     stated = sample_points(system.stack, measured.geometry.coordinate[listed[:1]])[0]
     x, y = (
         np.linspace(-0.5 * size, 0.5 * size, n)
-        for size, n in zip((system.stack.length, system.stack.width), _STATIONS, strict=True)
+        for size, n in zip((system.stack.length, system.stack.width), stations, strict=True)
     )
     grid = np.stack([*np.meshgrid(x, y), np.full((y.size, x.size), stated[0, 2])], axis=-1)
     return np.vstack([stated, grid.reshape(-1, 3)])

@@ -71,23 +71,44 @@ def cached_model(
     stack, instruments, effects, aids, executor
         As in `candidate_model`.
     """
-    shipped_effects = [vars(effect) for effect in shipped()]  # by what they are: other processes have copies
-    if any(vars(effect) not in shipped_effects for effect in (*stack.effects, *effects.values())):
+    file = _file(stack, instruments, effects, aids)
+    if file is None:
         return candidate_model(stack, instruments, effects, aids, executor)
-    made_by = {**versions(), "scikit-fem": version("scikit-fem"), "python": platform.python_version()}
-    base = replace(stack, instruments=instruments)
-    what = digest({"stack": base, "effects": [*effects, *(aid.name for aid in aids)]})
-    path = folder() / f"model_{what}.arrays"
-    made = {"versions": made_by, "stack": stack.name, "digest": what}
-    special = _special((*stack.effects, *effects.values(), *aids, *clamp_places(base)))
-    candidates = _read(path, made, special)
+    candidates = _read(*file)
     if candidates is not None:
         return candidates
     candidates = candidate_model(stack, instruments, effects, aids, executor)
+    path, made, special = file
     with suppress(StoreError, OSError, TypeError):  # what cannot be written is made anew
         write_arrays(path, flattened(candidates, _TYPES, special), made)
         _forget(path.parent)
     return candidates
+
+
+def kept_model(
+    stack: Stack, instruments: Instruments, effects: Mapping[str, Effect], aids: Sequence[Effect] = ()
+) -> CandidateModel | None:
+    """Return what `cached_model` left, and None where it is not there."""
+    file = _file(stack, instruments, effects, aids)
+    return None if file is None else _read(*file)
+
+
+def _file(
+    stack: Stack, instruments: Instruments, effects: Mapping[str, Effect], aids: Sequence[Effect]
+) -> tuple[Path, Mapping[str, Any], tuple[Special, ...]] | None:
+    """Return where a model is cached, what it is made by, and how it is written; None of one that is not cached."""
+    shipped_effects = [vars(effect) for effect in shipped()]  # by what they are: other processes have copies
+    if any(vars(effect) not in shipped_effects for effect in (*stack.effects, *effects.values())):
+        return None
+    made_by = {**versions(), "scikit-fem": version("scikit-fem"), "python": platform.python_version()}
+    base = replace(stack, instruments=instruments)
+    what = digest({"stack": base, "effects": [*effects, *(aid.name for aid in aids)]})
+    special = _special((*stack.effects, *effects.values(), *aids, *clamp_places(base)))
+    return (
+        folder() / f"model_{what}.arrays",
+        {"versions": made_by, "stack": stack.name, "digest": what},
+        special,
+    )
 
 
 def folder() -> Path:
@@ -98,7 +119,9 @@ def folder() -> Path:
 def _read(path: Path, made: Mapping[str, Any], special: Sequence[Special]) -> CandidateModel | None:
     try:
         graph = read_arrays(path, made)
-        candidates = None if graph is None else restored(graph, _TYPES, special)
+        if graph is None:
+            return None
+        candidates = restored(graph, _TYPES, special)
         path.touch()  # for it was used now
     except Exception:  # no file, or what one makes of its reading that somebody wrote by hand
         return None

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from ema import Campaign, Configuration
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
 from ema.types.threads import single_threaded
 from lamella_shared import Shown, arrays
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
-from updating.correlation.pairing import N_MODE, Pairing, pair, require_points
+from updating.correlation.pairing import LEAST_MAC, N_MODE, Pairing, pair, require_points
 from updating.correlation.registration import register, visible
 from updating.correlation.rig_check import RigCheck, check_rig, upright
 from updating.errors import FitError
@@ -93,9 +95,6 @@ N_SNAPSHOT = 6
 FREQUENCY_FORM, DAMPING_FORM = 1e-3, 1e-2
 """Relative errors of frequencies and damping ratios that a right model has for its form alone: of the mesh, of nominal
 sizes, of a contact law that is smooth. An interval that leaves them out promises digits that nobody can measure."""
-
-
-_N_SNAPSHOT_MODE = 18  # of each snapshot; over the range of G_f they span more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,7 +208,7 @@ def fit(
     stack: Stack,
     measured: ModalModel,
     *,
-    threshold: float = 0.8,
+    threshold: float = LEAST_MAC,
     G_f_bounds: tuple[float, float] = G_F_BOUNDS,
     d_f_bounds: tuple[float, float] = D_F_BOUNDS,
     tolerance: float = 0.01,
@@ -242,10 +241,11 @@ def fit(
     FitError
         No mode pairs anywhere within the bounds, or none at the best G_f.
     """
+    n_snapshot_mode = 18  # of each snapshot; over the range of G_f they span more
     require_points(measured)
     registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
     single = stack.n_lamina == 1
-    n_mode = N_MODE if single else _N_SNAPSHOT_MODE  # no G_f gives one lamina other modes
+    n_mode = N_MODE if single else n_snapshot_mode  # no G_f gives one lamina other modes
     system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=1 if single else N_SNAPSHOT, n_mode=n_mode)
     observed = observe(system, registration.observation)
     rig = upright(check_rig(system, stack.contact.pressure, measured, G_f_bounds))
@@ -479,3 +479,37 @@ def _assign(shape: NDArray[np.complex128], modes: Modes) -> NDArray[np.int64]:
     """Return the model mode of each measured shape by the largest sum of MAC values, without a threshold."""
     likeness = np.where(visible(modes.shape), mac(shape, modes.shape), 0.0)
     return np.asarray(scipy.optimize.linear_sum_assignment(likeness, maximize=True)[1])
+
+
+def model_file(campaign: Campaign, job: str) -> Path:
+    """Return the file of the model's stack, which `job`, such as "a fit", needs.
+
+    Raises
+    ------
+    FitError
+        The campaign names none, or no file of the points, by which shapes are compared.
+    """
+    if campaign.stack is None:
+        message = (
+            f'{campaign.path}: {job} needs the model\'s stack; add stack = "stack.toml" under [structure]'
+        )
+        raise FitError(message)
+    if campaign.points is None:
+        message = (
+            f"{campaign.path}: {job} compares shapes and needs the coordinates of the points; add file = "
+            '"points.csv" and its unit under [points]'
+        )
+        raise FitError(message)
+    return campaign.stack
+
+
+def stack_in_state(stack: Stack, configuration: Configuration) -> Stack:
+    """Put a configuration's pressure and height, where it states them, in place of those of the stack file."""
+    if configuration.pressure is not None:
+        stack = stack.with_contact(pressure=configuration.pressure)
+    return stack if configuration.height is None else replace(stack, height=configuration.height)
+
+
+def specimen_name(name: str, height: float, heights: Collection[float]) -> str:
+    """Name the stack of a configuration: configurations of other heights (m) are other stacks."""
+    return name if len(set(heights)) == 1 else f"{name}, {1e3 * height:g} mm"

@@ -22,8 +22,6 @@ Vector = NDArray[np.float64]
 CLASS_STD = 0.1
 """Standard deviation of each modal coordinate of a shape that stands for a class: a mode of a class resembles the
 model's, MAC 0.9 with some ten modes that it may be mixed with, and what it is mixed with is not known."""
-_STATION_STEP = 4
-"""One in so many stations along the length, enough to distinguish classes."""
 _UP = Dof(0, (0.0, 0.0, 1.0))
 
 
@@ -60,6 +58,7 @@ class Classes:
         FitError
             The model has no mode of a class.
         """
+        station_step = 4  # One in so many stations along the length, enough to distinguish classes.
         grid = class_grid(stack)
         system = self._of(stack)
         modes, column = solve_by_class(system, observe(system, grid), wanted, G_f=stack.contact.G_f)
@@ -67,7 +66,7 @@ class Classes:
             absent = ", ".join(c for c, k in zip(wanted, column, strict=True) if k < 0)
             message = f"{name}: the model of {stack.name} has no mode of class {absent}"
             raise FitError(message)
-        upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::_STATION_STEP].ravel()
+        upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::station_step].ravel()
         node, n = grid.node[upwards], upwards.size
         shape = modes.shape[np.ix_(upwards, column)]
         shape = shape / np.abs(shape).max(axis=0)

@@ -40,8 +40,6 @@ from updating.results.pooled import (
 
 Vector = NDArray[np.float64]
 
-_RANKED = 12  # explanations that are reported
-
 
 @single_threaded
 def diagnose_specimens(
@@ -165,6 +163,7 @@ def concluded(
     name: str, pooled: PooledSearch, impossible: Mapping[str, str], verdict: PooledVerdict | None = None
 ) -> PooledDiagnosis:
     """Return the answer that a search comes to; the verdict too, where none is given."""
+    ranked = 12  # explanations that are reported
     model, results = pooled.model, pooled.search
     fits = sorted(results.fitted.values(), key=results.odds, reverse=True)
     if verdict is None:
@@ -173,7 +172,7 @@ def concluded(
     else:
         left = [fit for fit in fits if fit.terms][:1]
     first = left[0] if left else results.base
-    rest = [fit for fit in fits[:_RANKED] if fit not in left and fit is not results.base]
+    rest = [fit for fit in fits[:ranked] if fit not in left and fit is not results.base]
     order = [*left, *sorted([*rest, results.base], key=results.odds, reverse=True)]
     if not left:
         order = sorted({id(fit): fit for fit in order}.values(), key=results.odds, reverse=True)

@@ -27,7 +27,6 @@ from updating.results.text import Z95
 
 Vector = NDArray[np.float64]
 UNITS = {"G_f": "Pa/Pa", "d_f": "s/Pa"}
-_MEASURED = 4.0  # variance of the logarithm of a damping ratio, above which it does not take part
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,7 +68,8 @@ class Fitted:
 
 def damped(fit: Explanation) -> bool:
     """Return whether any damping ratio took part in a fit."""
-    return bool(np.any(np.diag(fit.problem.damping_noise) < _MEASURED))
+    measured = 4.0  # variance of the logarithm of a damping ratio, above which it does not take part
+    return bool(np.any(np.diag(fit.problem.damping_noise) < measured))
 
 
 def joint_answer(fitted: Fitted, labels: Sequence[str], entry: Entry, settings: FitSettings) -> JointFit:

@@ -14,19 +14,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_WRITTEN = 12  # parameters up to which every value is written
-
-
 def correlation_figure(fit: JointFit) -> Figure:
     """Draw the correlation of the estimates; near -1 or 1 the data determine a combination of two, neither alone."""
     from matplotlib.figure import Figure
+
+    written = 12  # parameters up to which every value is written
 
     names = [f"{p.name} {p.group}".strip() for p in fit.parameter]
     n = len(names)
     figure = Figure(figsize=(4.4 + 0.36 * n, 1.6 + 0.36 * n), layout="constrained")
     axes = figure.subplots()
     image = axes.imshow(fit.correlation, cmap=palette.SIGNED, vmin=-1.0, vmax=1.0)
-    if n <= _WRITTEN:
+    if n <= written:
         for i, j in np.ndindex(n, n):
             value = round(float(fit.correlation[i, j]), 2) + 0.0  # no -0.00
             axes.text(

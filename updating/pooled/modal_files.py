@@ -27,7 +27,6 @@ _UNKNOWN = 1e3
 _DAMPING = 1e-2
 """Damping ratio that stands where none was measured."""
 _DIRECTION = ("x", "y", "z")
-_LARGEST_NUMBER = 1e10  # of a point or sensor, as in universal files
 
 
 def read_modes(path: Path, of: Mapping[str, str]) -> dict[str, list[str]]:
@@ -290,8 +289,9 @@ def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
 
 
 def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> NDArray[np.int64]:
+    largest_number = 1e10  # of a point or sensor, as in universal files
     numbers = _numbers(path, columns, name)
-    odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > _LARGEST_NUMBER))
+    odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > largest_number))
     if odd.size:
         i = int(odd[0])
         message = (

@@ -44,7 +44,6 @@ LOOSE = 3.0
 _LADDER = np.linspace(-1.2, 1.2, 9)  # of ln G_f, on which each specimen starts
 BEHIND = 8.0
 """Log odds by which a term may fall short of the least promise and is still fitted."""
-_LEVELS = 3  # of one effect at once that are worth a fit
 _SETTLED = 0.1  # of the logarithm of a scale
 
 
@@ -375,6 +374,7 @@ def extended(
     promising : float
         Share of what the best promises that others must: steps of strong effects miss it by as much.
     """
+    levels = 3  # of one effect at once that are worth a fit
     fitted, seen = list[Explanation](), Counter[str]()
     if not ahead:
         return fitted
@@ -388,7 +388,7 @@ def extended(
             break
         effect = model.meant[name].effect
         seen[effect] += 1
-        if seen[effect] > _LEVELS:
+        if seen[effect] > levels:
             continue
         terms = [*present, model.terms[name]]
         try:

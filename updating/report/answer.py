@@ -26,7 +26,6 @@ _TONE: dict[Verdict, str] = {
     "unlike anything": "open",
 }
 
-_MOST_IN_SENTENCE = 3  # explanations that one sentence can name
 
 _MAPS = 3  # of configurations; beside the steps they fill two rows
 
@@ -104,6 +103,7 @@ def frac_sentence(results: Results) -> tuple[str, ...]:
 
 def headline(diagnosis: Diagnosis) -> str:
     """Write the answer of a diagnosis as one sentence, with the names that a person uses."""
+    most_in_sentence = 3  # explanations that one sentence can name
     base = diagnosis.ranked(())
     if diagnosis.verdict == "nothing missing":
         return (
@@ -121,12 +121,12 @@ def headline(diagnosis: Diagnosis) -> str:
     named = [together([diagnosis.labels.get(e, e) for e in effects]) for effects in diagnosis.set]
     if diagnosis.verdict == "one of" and (beside := further_effects(diagnosis)):
         also = "; or ".join(
-            together([diagnosis.labels.get(e, e) for e in effects]) for effects in beside[:_MOST_IN_SENTENCE]
+            together([diagnosis.labels.get(e, e) for e in effects]) for effects in beside[:most_in_sentence]
         )
         return f"What the model lacks is {named[0]}. Whether it lacks {also} as well, the data cannot tell."
     if diagnosis.verdict == "one of":
-        first = "; or ".join(named[:_MOST_IN_SENTENCE])
-        more = f"; or one of {len(named) - _MOST_IN_SENTENCE} more" if len(named) > _MOST_IN_SENTENCE else ""
+        first = "; or ".join(named[:most_in_sentence])
+        more = f"; or one of {len(named) - most_in_sentence} more" if len(named) > most_in_sentence else ""
         more += f"; or {UNLISTED}" if diagnosis.unlisted == "instead" else ""
         return f"One of these is missing, and the data cannot tell which: {first}{more}."
     answer = diagnosis.ranked(diagnosis.set[0])
@@ -173,7 +173,7 @@ def _of_a_fit(results: Results) -> Opening:
         return shlex.join(["lamella", name, campaign, "-o", str(results.folder)])
 
     (sentence, *_) = fit_sentences(results)
-    if results.updated is not None or results.table:
+    if results.updated is not None:
         return Opening(badge="fitted", tone="good", sentence=sentence)
     if any(tested.fit is not None for tested in results.tested):
         return Opening(
@@ -234,8 +234,6 @@ def change_sentences(results: Results) -> tuple[str, ...]:
 
 def fit_sentences(results: Results) -> tuple[str, ...]:
     """Say in words what was identified and how large the errors of the fitted model are."""
-    if results.table:
-        return _table_sentences(results)
     n = len(results.tested)
     configurations = f"{n} configuration{'s' if n > 1 else ''}"
     modes = sum(t.measured.frequency.size for t in results.tested)
@@ -268,19 +266,6 @@ def _update_sentences(results: Results, configurations: str) -> tuple[str, ...]:
     return (
         f"{configurations} fitted together: the mean frequency error goes from {percent(fit.error(before=True))} to "
         f"{percent(fit.error())}{last}.",
-    )
-
-
-def _table_sentences(results: Results) -> tuple[str, ...]:
-    fits = results.table
-    error, published, misfit = (
-        float(np.mean([getattr(f, name) for f in fits]))
-        for name in ("error", "published_error", "model_misfit")
-    )
-    return (
-        f"{len(fits)} configurations fitted. The model's natural frequencies differ from the measured ones by "
-        f"{percent(error)} in the mean (published: {percent(published)}). Fitted to the published model's frequencies "
-        f"instead, it meets them to {percent(misfit)}.",
     )
 
 

@@ -260,9 +260,6 @@ def _bar_names(way: Sequence[Step]) -> list[str]:
     return ["<br>".join(textwrap.wrap(name, _WIDE)) for name in (way[0].name, *added, "what is left")]
 
 
-_MOST_KINDS = 8
-
-
 def what_changed_section(what_changed: WhatChanged) -> Section:
     """Show what changed in a state, where, and what else was weighed."""
     named = what_changed.verdict in ("identified", "one of", "partly explained")
@@ -275,6 +272,7 @@ def what_changed_section(what_changed: WhatChanged) -> Section:
 
 def kind_table(what_changed: WhatChanged) -> Table:
     """List the likeliest kinds of change."""
+    most_kinds = 8
     apart = separation(what_changed)
     return Table(
         title="Kinds of change",
@@ -295,7 +293,7 @@ def kind_table(what_changed: WhatChanged) -> Table:
                 size_text(kind),
                 f"{100 * kind.explained:.0f}",
             )
-            for kind in what_changed.kinds[:_MOST_KINDS]
+            for kind in what_changed.kinds[:most_kinds]
         ),
         note="Log odds: natural logarithm of the posterior odds against no change beyond the scatter of assembly. "
         "Explained: share of the misfit beyond that scatter. "

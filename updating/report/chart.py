@@ -22,7 +22,6 @@ _HEIGHT = 360  # px, where a layout states none
 
 _INCHES = {"full": 9.0, "half": 6.4}  # width of a figure in print
 
-_POINTS = 0.75  # of a marker in print over its px on the screen
 
 _BARS = 0.8  # of the distance between two categories
 
@@ -30,7 +29,6 @@ _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^"}
 
 _DASHES = {"dot": ":", "dash": "--"}
 
-_MOST_NAMES = 60  # that can be read below a figure, where they are turned
 
 _MOST_NUMBERS = 24  # that can be read there as they are
 
@@ -39,8 +37,6 @@ _SHORT = 4  # characters of such a number
 _BESIDE = 60  # characters of all names that need not be turned
 
 _ROOM = 1.05  # above the largest value of an axis that begins at 0
-
-_DARK = 0.6  # of a scale of colours, from which numbers are white
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,6 +218,7 @@ def _draw_bars(
 
 
 def _draw_line(axes: Axes, trace: Mapping[str, Any], x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+    points = 0.75  # of a marker in print over its px on the screen
     mode, line, marker = trace.get("mode", "lines"), trace.get("line", {}), trace.get("marker", {})
     style: dict[str, Any] = {
         "color": line.get("color") or marker.get("color"),
@@ -231,7 +228,7 @@ def _draw_line(axes: Axes, trace: Mapping[str, Any], x: NDArray[np.float64], y: 
     }
     if "markers" in mode:
         style["marker"] = _MARKERS[marker.get("symbol", "circle")]
-        style["markersize"] = _POINTS * marker.get("size", 6)
+        style["markersize"] = points * marker.get("size", 6)
     error = trace.get("error_y")
     if error is None:
         axes.plot(x, y, **style)
@@ -243,12 +240,13 @@ def _draw_line(axes: Axes, trace: Mapping[str, Any], x: NDArray[np.float64], y: 
 def _draw_matrix(
     axes: Axes, trace: Mapping[str, Any], across: Mapping[object, int], up: Mapping[object, int]
 ) -> None:
+    dark = 0.6  # of a scale of colours, from which numbers are white
     x, y, z = _at(trace["x"], across), _at(trace["y"], up), np.asarray(trace["z"], dtype=float)
     low, high = trace.get("zmin", z.min()), trace.get("zmax", z.max())
     drawn = axes.pcolormesh(x, y, z, cmap=trace["colorscale"], vmin=low, vmax=high, shading="nearest")
     if "texttemplate" in trace:
         for (i, j), value in np.ndenumerate(z):
-            color = "white" if value > low + _DARK * (high - low) else "black"
+            color = "white" if value > low + dark * (high - low) else "black"
             at = float(x[j]), float(y[i])
             axes.text(*at, f"{value:.2f}", ha="center", va="center", fontsize="x-small", color=color)
         axes.set_aspect("equal")
@@ -286,13 +284,14 @@ def _set_axis(
 
 
 def _name_places(axes: Axes, key: Literal["x", "y"], names: list[Any]) -> None:
+    most_names = 60  # that can be read below a figure, where they are turned
     if names and isinstance(names[0], tuple):  # the group's name where there are several
         together = len({group for group, _ in names}) > 1
         names = [", ".join(pair) if together else pair[1] for pair in names]
     texts = [name.replace("<br>", "\n") for name in names]
     length = [max(map(len, text.split("\n"))) for text in texts]
     short = max(length) <= _SHORT
-    step = -(-len(texts) // (_MOST_NUMBERS if short else _MOST_NAMES))
+    step = -(-len(texts) // (_MOST_NUMBERS if short else most_names))
     close = sum(length) > _BESIDE or axes.get_aspect() != "auto"  # a matrix is as narrow as its squares
     turned = key == "x" and close and not short
     style: dict[str, Any] = {"rotation": 60, "ha": "right", "rotation_mode": "anchor"} if turned else {}

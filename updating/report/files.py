@@ -76,8 +76,6 @@ _FLAGS = (
     "--disable-component-update", "--no-first-run", "--no-default-browser-check", "--no-pdf-header-footer",
 )  # fmt: skip
 
-_SECONDS = 180.0
-
 
 def find_browser() -> Path:
     """Return a browser that can print a page without a window.
@@ -107,6 +105,7 @@ def print_pdf(page: Path) -> Path:
     StoreError
         There is no browser, it fails, or the PDF cannot be written.
     """
+    seconds = 180.0
     browser = find_browser()
     with tempfile.TemporaryDirectory() as folder:
         printed = Path(folder) / "page.pdf"
@@ -118,7 +117,7 @@ def print_pdf(page: Path) -> Path:
                 [*command, page.resolve().as_uri()],
                 capture_output=True,
                 text=True,
-                timeout=_SECONDS,
+                timeout=seconds,
                 check=False,
             )
         except (OSError, subprocess.TimeoutExpired) as error:
@@ -138,7 +137,6 @@ _WIDE, _HIGH, _EDGE = 13.333, 7.5, 0.5  # in
 
 _TOP = 1.4  # in, below the title
 
-_PER_SLIDE = 14  # rows of a table
 
 _SHAPES = 3  # pictures of shapes over each other
 
@@ -199,10 +197,11 @@ def _location(tested: Tested) -> Picture | None:
 
 
 def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> None:
+    per_slide = 14  # rows of a table
     tables = (identified_table(tested),) if tested.fit is None else pair_tables(tested, tested.fit, added)
     table = tables[0]  # of the model with what was identified, where there is one
-    for start in range(0, len(table.rows), _PER_SLIDE):
-        _table(_slide(show, f"{tested.name}: {table.title}"), table, table.rows[start : start + _PER_SLIDE])
+    for start in range(0, len(table.rows), per_slide):
+        _table(_slide(show, f"{tested.name}: {table.title}"), table, table.rows[start : start + per_slide])
     _likeness(show, tested)
     if tested.has_functions:
         frf = tested.frf()

@@ -17,7 +17,6 @@ from updating.report.chart import Chart, single
 from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
 from updating.report.results import Tested
 
-_MOST_MODES = 6  # the lowest half a dozen locate best
 _KIND_OF_FAMILY: dict[Family, str] = {
     "pressure field": "tangential contact",
     "contact law": "tangential contact",
@@ -30,8 +29,6 @@ _NOTHING = 2e-3
 _LOCAL = 0.1
 """Contrast above which an error counts as local: five times that of a kind that is wrong everywhere, half that of a
 soft zone (see `updating.correlation.localization`)."""
-_EXPLAINED = 0.9
-"""Share that a common change explains where it is what is wrong (0.96 to 1 in simulated stacks) and not mass (0.85)."""
 _LIMITS = (
     "The map says where, never which effect it is: missing mass lights up like wrong stiffness. Points on the outside "
     "do not show how deep a fault lies, and a region that no measured mode strains stays pale."
@@ -78,6 +75,7 @@ def _size(errors: ErrorMap) -> float:
 
 def error_map(tested: Tested, fit: Fit) -> ErrorMap:
     """Map the error of the fitted model against the lowest paired modes."""
+    most_modes = 6  # the lowest half a dozen locate best
     value = fit.G_f.value
     system = reduce(fit.stack, G_f_range=(value, 1.01 * value), n_snapshot=1)
     measured = tested.measured
@@ -88,7 +86,7 @@ def error_map(tested: Tested, fit: Fit) -> ErrorMap:
         registration.observation,
         regions(fit.stack),
         G_f=value,
-        modes=fit.pairing.measured[:_MOST_MODES],
+        modes=fit.pairing.measured[:most_modes],
     )
 
 
@@ -214,6 +212,9 @@ def kind_table(errors: ErrorMap) -> Table:
 
 
 def _sentence(errors: ErrorMap, kind: str, size: float) -> str:
+    # Share that a common change explains where it is what is wrong (0.96 to 1 in simulated stacks) and not mass
+    # (0.85).
+    explained = 0.9
     i = ENERGY_KINDS.index(kind)
     low, high = errors.peak(kind)
     text = (
@@ -221,7 +222,7 @@ def _sentence(errors: ErrorMap, kind: str, size: float) -> str:
         f"{100 * size:.2g} %. "
         + (
             "A change of one kind of stiffness throughout does not explain that; the best that can be, "
-            if errors.explained[i] < _EXPLAINED
+            if errors.explained[i] < explained
             else "Best explained is that by a common change: "
         )
         + f"the {kind} by {100 * errors.change[i]:+.2g} %, explains {100 * errors.explained[i]:.0f} % of it."

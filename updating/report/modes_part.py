@@ -439,9 +439,6 @@ def matrix_csv(value: NDArray[np.float64], rows: NDArray[np.float64], columns: N
     )
 
 
-_DIGITS = 1000  # displacements are drawn, so a thousandth of the largest is enough
-
-
 def shape_section(tested: Tested) -> Section:
     """Show all measured shapes, each with its partner in the model."""
     title = f"Mode shapes of {tested.name}"
@@ -500,7 +497,8 @@ def shape_numbers(pair: ShapePair) -> dict[str, Any]:
 
 
 def _whole(displacement: NDArray[np.float64]) -> list[int]:
-    return [int(v) for v in np.round(_DIGITS * displacement.ravel())]
+    digits = 1000  # displacements are drawn, so a thousandth of the largest is enough
+    return [int(v) for v in np.round(digits * displacement.ravel())]
 
 
 def _title(number: int, pair: ShapePair, names: tuple[str, str] = ("measured", "model")) -> str:

@@ -9,27 +9,20 @@ from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from ema.plot import palette
 from updating.errors import StoreError
-from updating.fitting.modal_table import TableFit
 from updating.report.answer import answer_section, opening_section, overview_section
 from updating.report.change_part import errors_with_additions, what_changed_section
-from updating.report.chart import Chart, axis, charted, legend_above
 from updating.report.frf_part import frf_section
 from updating.report.identified_model import with_models
 from updating.report.ledger_part import ledger_section, parameter_section, signature_section
 from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section, shape_section
-from updating.report.part import Section, Table, anchor, as_csv, in_css, packed, renderer, unbroken
+from updating.report.part import Section, Table, in_css, packed, renderer, unbroken
 from updating.report.pooled_part import pooled_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.state_part import beside_section, state_section
 from updating.results.store import folder_name, write_bytes
-from updating.results.text import estimate_text, parameter_text
 
 
 def provenance_section(results: Results) -> Section:
@@ -74,160 +67,6 @@ def input_table(results: Results) -> Table:
 def _digest(inputs: dict[str, str]) -> str:
     """First digits of the digest over the digests of all files."""
     return hashlib.sha256("".join(inputs[name] for name in sorted(inputs)).encode()).hexdigest()[:16]
-
-
-_PUBLISHED, _OURS = palette.QUIET, palette.BASE
-
-
-def table_overview(results: Results) -> Section:
-    """List all rows, each leading to its section, over a figure of error and contact stiffness."""
-    fits = results.table
-    table = Table(
-        title="Natural frequencies [Hz]: measured | published model | ours",
-        header=(
-            "stack", *results.shape_class, "error published [%]", "error ours [%]", "G_f published [Pa/Pa]",
-            "G_f ours [Pa/Pa]",
-        ),
-        rows=tuple(
-            (
-                f.row.name,
-                *(
-                    f"{a:.0f} | {b:.0f} | {c:.0f}"
-                    for a, b, c in zip(f.row.frequency, f.row.published_frequency, f.frequency, strict=True)
-                ),
-                f"{100 * f.published_error:.1f}",
-                f"{100 * f.error:.1f}",
-                "" if np.isnan(f.row.published_G_f) else f"{f.row.published_G_f:.0f}",
-                estimate_text(f.G_f),
-            )
-            for f in fits
-        ),
-        note="Error: mean over the modes of the relative frequency error. ± is half of the 95 % interval and contains "
-        "the scatter that the model leaves. A click on a heading sorts, one on a stack leads to it.",
-        link=tuple(f"#{anchor(_title(f))}" for f in fits),
-    )  # fmt: skip
-    picture = charted(
-        "all_stacks",
-        table_chart(fits),
-        as_csv(
-            (
-                "stack",
-                "error published [1]",
-                "error ours [1]",
-                "G_f published [Pa/Pa]",
-                "G_f ours [Pa/Pa]",
-                "its std",
-            ),
-            (
-                (f.row.name, f.published_error, f.error, f.row.published_G_f, f.G_f.value, f.G_f.std)
-                for f in fits
-            ),
-        ),
-        alt="Error and contact stiffness by stack",
-        caption="Mean relative frequency error, and contact stiffness with one standard deviation, of each stack.",
-    )
-    text = (
-        "G_f is fitted to the measured frequencies of each stack by opt_G; modes are paired by shape class."
-    )
-    return Section(title="All stacks", text=(text,), blocks=(table, picture))
-
-
-def row_section(fit: TableFit, shape_class: tuple[str, ...]) -> Section:
-    """Show one row: its modes measured, published and ours."""
-    row = fit.row
-    error, published = ((f - row.frequency) / row.frequency for f in (fit.frequency, row.published_frequency))
-    table = Table(
-        title="",
-        header=("mode", "measured [Hz]", "published [Hz]", "its error [%]", "ours [Hz]", "our error [%]"),
-        rows=tuple(
-            (name, f"{a:.0f}", f"{b:.0f}", f"{100 * e:+.1f}", f"{c:.1f}", f"{100 * d:+.1f}")
-            for name, a, b, e, c, d in zip(
-                shape_class,
-                row.frequency,
-                row.published_frequency,
-                published,
-                fit.frequency,
-                error,
-                strict=True,
-            )
-        ),
-        note=f"{parameter_text(fit.G_f)}, mean error {100 * fit.error:.1f} % (published: "
-        f"{100 * fit.published_error:.1f} %). Error is (model - measured) / measured.",
-    )
-    picture = charted(
-        f"stack_{row.name}",
-        row_chart(fit, shape_class),
-        as_csv(
-            ("mode", "measured [Hz]", "published [Hz]", "ours [Hz]"),
-            zip(shape_class, row.frequency, row.published_frequency, fit.frequency, strict=True),
-        ),
-        alt=f"Errors of stack {row.name} by mode",
-        caption="Frequency error by mode.",
-        width="half",
-    )
-    return Section(title=_title(fit), blocks=(table, picture))
-
-
-def table_chart(fits: tuple[TableFit, ...]) -> Chart:
-    """Return the error of eq. (2) and G_f by stack, ours beside the published."""
-    names = [f.row.name for f in fits]
-    errors = (("published", "published_error", _PUBLISHED), ("ours", "error", _OURS))
-    traces: list[dict[str, Any]] = [
-        {
-            "type": "bar", "name": name, "x": names, "y": [100.0 * getattr(f, key) for f in fits],
-            "marker": {"color": color}, "hovertemplate": "%{x}: %{y:.3g} %",
-        }
-        for name, key, color in errors
-    ]  # fmt: skip
-    G_f = (
-        (
-            "published",
-            [f.row.published_G_f for f in fits],
-            None,
-            {"color": _PUBLISHED, "size": 12, "symbol": "square"},
-        ),
-        ("ours", [f.G_f.value for f in fits], [f.G_f.std for f in fits], {"color": _OURS, "size": 8}),
-    )
-    for name, value, std, marker in G_f:
-        traces.append(
-            {
-                "type": "scatter", "mode": "markers", "name": name, "x": names, "y": value, "yaxis": "y2",
-                "marker": marker, "showlegend": False, "hovertemplate": "%{x}: %{y:.4g} Pa/Pa",
-                **({} if std is None else {"error_y": {"type": "data", "array": std}}),
-            }
-        )  # fmt: skip
-    layout = {
-        "height": 430,
-        "yaxis": axis("mean frequency error [%]", domain=[0.56, 1.0]),
-        "yaxis2": axis("G_f [Pa/Pa]", domain=[0.0, 0.44]),
-        "xaxis": axis("stack", type="category", anchor="y2"),
-        "legend": legend_above(),
-        "margin": {"r": 8, "t": 34},
-    }
-    return Chart(traces=traces, layout=layout)
-
-
-def row_chart(fit: TableFit, shape_class: tuple[str, ...]) -> Chart:
-    """Return the frequency error of every mode, ours beside the published, as bars."""
-    row = fit.row
-    traces = [
-        {
-            "type": "bar", "name": name, "x": list(shape_class), "y": (100.0 * (f / row.frequency - 1.0)).tolist(),
-            "marker": {"color": color}, "hovertemplate": "%{x}: %{y:+.2f} %",
-        }
-        for f, color, name in (
-            (row.published_frequency, _PUBLISHED, "published"), (fit.frequency, _OURS, "ours"),
-        )
-    ]  # fmt: skip
-    layout = {
-        "height": 240, "yaxis": axis("frequency error [%]", zeroline=True), "xaxis": {"automargin": True},
-        "legend": legend_above(), "margin": {"r": 8, "t": 34},
-    }  # fmt: skip
-    return Chart(traces=traces, layout=layout)
-
-
-def _title(fit: TableFit) -> str:
-    return f"Stack {fit.row.name}"
 
 
 MOST_TOGETHER = 8
@@ -321,9 +160,6 @@ def sections(results: Results, configurations: Sequence[Section] | None = None) 
     parts = [opening_section(results, configurations), answer_section(results)]
     if results.ledger:
         parts.append(ledger_section(results))
-    if results.table:
-        parts.append(table_overview(results))
-        parts += [row_section(fit, results.shape_class) for fit in results.table]
     if len(results.tested) > 1:
         address = [f"#{part.anchor}" for part in configurations] or [
             page_of(tested) for tested in results.tested

@@ -15,7 +15,6 @@ from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.joint_answer import Updated
 from updating.errors import StoreError
 from updating.fitting.fit import Fit, ModelFit
-from updating.fitting.modal_table import ModalTable, TableFit
 from updating.results.campaign import CHANGE, WHAT_CHANGED
 from updating.results.identified import Quality, campaign_file
 from updating.results.ledger import Entry, Ledger
@@ -159,11 +158,7 @@ class Results:
     name : str
         The campaign.
     tested : tuple of Tested
-        Its configurations, or
-    table : tuple of TableFit
-        its rows, where it was given as a table of modes; the other of the two is empty.
-    shape_class : tuple of str
-        Class of each mode of the table.
+        Its configurations.
     missing : tuple of str
         Configurations that are not done yet.
     ledger : tuple of Entry
@@ -175,7 +170,7 @@ class Results:
     folder : Path
         Where all this is.
     campaign : Path or None
-        The campaign file, as it was named; None for a table of modes.
+        The campaign file, as it was named; None of specimens.
     pooled : PooledDiagnosis or None
         What many specimens tell together, where the campaign lists them.
     origin : mapping of str to dict
@@ -188,8 +183,6 @@ class Results:
 
     name: str
     tested: tuple[Tested, ...]
-    table: tuple[TableFit, ...]
-    shape_class: tuple[str, ...]
     missing: tuple[str, ...]
     ledger: tuple[Entry, ...]
     diagnosis: Diagnosis | None
@@ -224,16 +217,14 @@ def read_results(folder: Path, *, keep: bool = False) -> Results:
     for name in ("pooled_diagnosis.json", "pooled_fit.json"):  # a diagnosis says more
         if (folder / name).exists():
             return _read_pooled(folder, name, reader)
-    if (folder / "modal_table.json").exists():
-        results = _read_table(folder, reader)
-    elif (folder / "campaign.json").exists():
+    if (folder / "campaign.json").exists():
         results = _read_campaign(folder, reader)
     else:
         message = (
             f"{folder}: no campaign.json to report on; make results with: lamella fit CAMPAIGN -o {folder}"
         )
         raise StoreError(message)
-    if not results.tested and not results.table:
+    if not results.tested:
         message = (
             f"{folder}: none of its configurations is done; go on with: lamella fit CAMPAIGN -o {folder}"
         )
@@ -314,8 +305,6 @@ def _read_campaign(folder: Path, reader: _Reader) -> Results:
     return Results(
         name=campaign.name,
         tested=tested,
-        table=(),
-        shape_class=(),
         missing=tuple(name for name in folders if name not in {c.name for c in identified}),
         **_read_common(folder, reader),
         campaign=_campaign_file(folder),
@@ -377,23 +366,6 @@ def _kind_of_fit(path: Path) -> type[ModelFit]:
     return MatricesFit
 
 
-def _read_table(folder: Path, reader: _Reader) -> Results:
-    table = reader.needed(folder / "modal_table.json", ModalTable)
-    folders = {row.name: folder / f"stack_{folder_name(row.name)}" for row in table.rows}
-    fitted = {name: path for name, path in folders.items() if (path / "fit.json").exists()}
-    del reader.origin["modal_table.json"]
-    return Results(
-        name=table.name,
-        tested=(),
-        table=tuple(reader.needed(path / "fit.json", TableFit) for path in fitted.values()),
-        shape_class=table.shape_class,
-        missing=tuple(name for name in folders if name not in fitted),
-        **_read_common(folder, reader),
-        campaign=None,
-        pooled=None,
-    )
-
-
 def _read_common(folder: Path, reader: _Reader) -> dict[str, Any]:
     """Read what a campaign of either kind may have."""
     ledger = reader.optional(folder / "ledger.json", Ledger)
@@ -412,8 +384,6 @@ def _read_pooled(folder: Path, name: str, reader: _Reader) -> Results:
     return Results(
         name=pooled.name,
         tested=(),
-        table=(),
-        shape_class=(),
         missing=(),
         ledger=(),
         diagnosis=None,

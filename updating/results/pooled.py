@@ -243,7 +243,6 @@ UNKNOWN = "-"
 
 _LISTED = 3  # explanations that a sentence names
 
-_LOWERED = 0.8  # of an error, from which it is much lower
 
 _FOLDED = 5  # names that are listed before a count stands for the rest
 
@@ -343,8 +342,9 @@ def _likelier(diagnosis: PooledDiagnosis) -> list[str]:
 
 def _lowered(diagnosis: PooledDiagnosis, base: PooledRanked) -> str:
     """Say how far the best explanation lowers the error of specimens left out, though it is not probable enough."""
+    lowered = 0.8  # of an error, from which it is much lower
     least = min(diagnosis.ranking, key=lambda explanation: explanation.left_out_error)
-    if least.left_out_error > _LOWERED * base.left_out_error:
+    if least.left_out_error > lowered * base.left_out_error:
         return "which none of what was tried lowers much"
     return (
         f"which {explanation_text(least)} lowers to {percent(least.left_out_error)}; but that is not probable enough "

@@ -139,8 +139,6 @@ class WhatChanged:
 
 
 AXES = ("x", "y", "z")
-SPREAD_OUT = 0.2
-"""Standard deviation of a location, over the longer side of the plan, from which it is not said to be one location."""
 
 
 def sentences(what_changed: WhatChanged) -> tuple[str, ...]:
@@ -207,6 +205,9 @@ def _what(what_changed: WhatChanged, head: str, left: Sequence[KindOfChange]) ->
 
 def _where(what_changed: WhatChanged) -> str:
     """Say where the change is, by all kinds that remain, each weighted by its probability."""
+    # Standard deviation of a location, over the longer side of the plan, from which it is not said to be one
+    # location.
+    spread_out = 0.2
     at = [AXES.index(name) for name in what_changed.axes]
     left = [kind for kind in (what_changed.kind(name) for name in what_changed.left) if kind.local]
     share = np.array([kind.probability for kind in left])
@@ -214,7 +215,7 @@ def _where(what_changed: WhatChanged) -> str:
     mean = share @ np.array([kind.place for kind in left])
     square = share @ np.array([np.square(kind.place_std) + np.square(kind.place) for kind in left])
     spread = np.sqrt(np.maximum(square - mean**2, 0.0) + separation(what_changed) ** 2)
-    if np.any(spread[at] > SPREAD_OUT * np.ptp(what_changed.box, axis=1).max()):
+    if np.any(spread[at] > spread_out * np.ptp(what_changed.box, axis=1).max()):
         i, j = np.unravel_index(int(np.argmax(what_changed.map)), what_changed.map.shape)
         return (
             f"Where: not known to better than {_mm(spread[at].max())} mm; the likeliest of all cells, at "

@@ -28,10 +28,6 @@ _MOST_STEPS = 40
 
 _CONVERGED = 1e-11
 
-_ROUNDED = 1e-6  # relative step that may be rounding beside stiff supports, if it does not fall any more
-
-_ASIDE = 1e-13  # relative step aside
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Dynamics:
@@ -121,6 +117,8 @@ def poles(
     SolveError
         A pole does not converge.
     """
+    aside = 1e-13  # relative step aside
+    rounded = 1e-6  # relative step that may be rounding beside stiff supports, if it does not fall any more
     found, shapes = np.empty(start.size, complex), np.empty(vectors.shape, complex)
     for r, given in enumerate(start):
         s, x = complex(given), vectors[:, r].astype(complex)
@@ -130,12 +128,12 @@ def poles(
             try:
                 u = np.linalg.solve(of.at(s), slope @ x)  # at the pole nearly singular, and meant to be
             except np.linalg.LinAlgError:  # the pole to the last bit
-                s *= 1.0 + _ASIDE
+                s *= 1.0 + aside
                 u = np.linalg.solve(of.at(s), slope @ x)
             gain = (v @ u) / (v @ x)
             s, x = s - 1.0 / gain, u / gain
             step = abs(1.0 / gain)
-            if step < _CONVERGED * abs(s) or last <= step < _ROUNDED * abs(s):
+            if step < _CONVERGED * abs(s) or last <= step < rounded * abs(s):
                 break
             last = step
         else:
@@ -214,11 +212,6 @@ def loaded_response(
     return value
 
 
-_VISIBLE = (
-    0.01  # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker
-)
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrueModes:
     """The true elastic modes of one configuration, damped, at the measured DOFs.
@@ -255,8 +248,10 @@ class TrueModes:
 
     def visible(self, band: tuple[float, float]) -> NDArray[np.bool_]:
         """Return which modes lie in a band, Hz, and show in its FRFs, (n_mode,)."""
+        # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker
+        visible = 0.01
         inside = (self.tested_frequency > band[0]) & (self.tested_frequency < band[1])
-        return inside & (self.strength > _VISIBLE * self.strength[inside].max(initial=0.0))
+        return inside & (self.strength > visible * self.strength[inside].max(initial=0.0))
 
 
 def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:

@@ -23,8 +23,6 @@ STRUCTURE = ("young", "density", "length", "width", "height", "G_f", "d_f")
 ASSEMBLY = ("torque", "reassembly")
 """Deviations of each assembly: pressure by the error of the torque wrench, G_f by the scatter of reassembly."""
 
-_DRAWS = 1  # stream of random numbers of what is tested; noise has one of its own
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class VirtualConfiguration:
@@ -175,7 +173,8 @@ class Specimen:
 
 def drawn_deviations(test: VirtualTest) -> dict[str, tuple[float, ...]]:
     """Return all deviations of a test: those given, and those that the seed draws, normally distributed."""
-    rng = np.random.default_rng([_DRAWS, test.seed])
+    draws = 1  # stream of random numbers of what is tested; noise has one of its own
+    rng = np.random.default_rng([draws, test.seed])
     found = dict(test.deviation)
     for name in (*STRUCTURE, *ASSEMBLY):  # in an order of its own, so that the file's does not matter
         size = len(test.configurations) if name in ASSEMBLY else 1

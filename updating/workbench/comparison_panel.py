@@ -18,6 +18,7 @@ from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import any_pair
 from updating.report.chart import Chart, axis, legend_above
+from updating.report.frf_part import BASE, FOUND
 from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
 from updating.report.modes_part import mac_chart, shape_numbers
 from updating.report.results import Tested
@@ -59,24 +60,63 @@ def frequencies_chart(tested: Tested, fit: ModelFit) -> Chart:
 
 def panel(server: Any, opened: Opened) -> None:
     """Set up the panel's state and what its controls call."""
-    state = server.state
-    state.update(
+    server.state.update(
         {
             "mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False,
-            "place": empty(), "place_text": "", "locating": False,
+            "place": empty(), "place_text": "", "locating": False, "comparing": False, "compared": FOUND,
+            "compared_models": [], "compared_text": "",
             "change_text": "", "shifts": empty(), "change_mac": empty(), "change_head": [], "change_rows": [],
             "change_functions": empty(), "has_functions_beside": False, "what_changed": [],
         }
     )  # fmt: skip
+    comparison = _Comparison(server, opened)
+    server.controller.show_pair = comparison.show_pair
+    server.controller.locate = comparison.locate
 
-    @state.change("configuration")
-    def choose_configuration(configuration: str, **_: Any) -> None:
-        tested = opened.tested(configuration)
-        fit = tested.fit
-        show_change(tested)
-        state.place_text = ""
+    @server.state.change("panel", "configuration")
+    def enter(panel: str, **_: Any) -> None:
+        if panel == TITLE:
+            asyncio.get_running_loop().create_task(comparison.begin())
+
+    @server.state.change("compared")
+    def choose_model(**_: Any) -> None:
+        comparison.draw()
+
+
+class _Comparison:
+    """One configuration beside its models, as state."""
+
+    def __init__(self, server: Any, opened: Opened) -> None:
+        self.server, self.state, self.opened = server, server.state, opened
+        self._tested: Tested | None = None
+
+    async def begin(self) -> None:
+        """Solve the models of the configuration in the background, and show it beside them."""
+        name = self.state.configuration
+        with self.state as state:
+            state.comparing = True
+        tested, remarks = await asyncio.to_thread(self.opened.modelled, name)
+        if name != self.state.configuration:
+            return  # another was chosen meanwhile
+        self._tested = tested
+        with self.state as state:
+            state.comparing, state.place_text = False, ""
+            state.compared_models = [] if tested.identified is None else [FOUND, BASE]
+            state.compared_text = " ".join(remarks)
+            self._show_change(tested)
+            self.draw()
+
+    def _model(self) -> ModelFit | None:
+        """Return the model that is compared: with what was identified, or the base model."""
+        if self._tested is None:
+            return None
+        return self._tested.fit if self.state.compared == BASE else self._tested.shown
+
+    def draw(self) -> None:
+        """Draw the configuration beside the model that was chosen."""
+        state, tested, fit = self.state, self._tested, self._model()
         state.has_fit = fit is not None and fit.pairing.measured.size > 0
-        if fit is None or not state.has_fit:
+        if tested is None or fit is None or not state.has_fit:
             return
         last = int(fit.pairing.model.max()) + _BEYOND
         value = fit.pairing.mac[:, :last]
@@ -85,46 +125,47 @@ def panel(server: Any, opened: Opened) -> None:
         state.frequencies = figure(frequencies_chart(tested, fit))
         first = int(fit.pairing.measured[0]), int(fit.pairing.model[0])
         state.shapes = moving_page(any_pair(tested.measured, fit, *first), fit.box)
-        say_pair(tested, fit, *first)
+        self._say_pair(tested, fit, *first)
 
-    def show_change(tested: Tested) -> None:
-        change, beside = tested.change, None
+    def _show_change(self, tested: Tested) -> None:
+        """Show what differs from the reference, where the configuration has one."""
+        state, change = self.state, tested.change
         state.change_text = "" if change is None else f"{change_sentence(change)}."
         state.what_changed = [] if tested.what_changed is None else list(tested.what_changed.sentences)
-        if change is not None:
-            table = change_table(change)
-            state.change_head, state.change_rows = list(table.header), [list(row) for row in table.rows]
-            beside = None if tested.reference is None else mean_chart(tested, tested.reference)
-        state.has_functions_beside = beside is not None
-        if beside is not None:
-            state.change_functions = figure(beside)
-        if change is not None:
-            rows, columns = change.matrix_row, change.matrix_column
-            state.shifts = figure(shift_chart(change))
-            state.change_mac = figure(
-                mac_chart(change.mac_matrix, rows, columns, change.name, change.reference[0])
-            )
-
-    @server.controller.set("show_pair")
-    def show_pair(r: int, s: int) -> None:
-        tested = opened.tested(state.configuration)
-        fit = tested.fit
-        if fit is None or not (0 <= r < fit.pairing.mac.shape[0] and 0 <= s < fit.pairing.mac.shape[1]):
+        state.has_functions_beside = False
+        if change is None:
             return
-        server.controller.send_pair({"pair": shape_numbers(any_pair(tested.measured, fit, r, s))})
-        say_pair(tested, fit, r, s)
+        table = change_table(change)
+        state.change_head, state.change_rows = list(table.header), [list(row) for row in table.rows]
+        beside = None if tested.reference is None else mean_chart(tested, tested.reference)
+        if beside is not None:
+            state.has_functions_beside, state.change_functions = True, figure(beside)
+        state.shifts = figure(shift_chart(change))
+        state.change_mac = figure(
+            mac_chart(
+                change.mac_matrix, change.matrix_row, change.matrix_column, change.name, change.reference[0]
+            )
+        )
 
-    def say_pair(tested: Tested, fit: ModelFit, r: int, s: int) -> None:
-        state.pair_text = (
+    def show_pair(self, r: int, s: int) -> None:
+        """Move a measured mode and one of the model."""
+        tested, fit = self._tested, self._model()
+        if tested is None or fit is None:
+            return
+        if 0 <= r < fit.pairing.mac.shape[0] and 0 <= s < fit.pairing.mac.shape[1]:
+            self.server.controller.send_pair({"pair": shape_numbers(any_pair(tested.measured, fit, r, s))})
+            self._say_pair(tested, fit, r, s)
+
+    def _say_pair(self, tested: Tested, fit: ModelFit, r: int, s: int) -> None:
+        self.state.pair_text = (
             f"Measured mode {r + 1} at {frequency_text(tested.measured.frequency[r], 1)} Hz and model mode {s + 1} at "
             f"{frequency_text(fit.modes.frequency[s], 1)} Hz: MAC {np.round(fit.pairing.mac[r, s], 3):g}"
         )
 
-    @server.controller.set("locate")
-    async def locate() -> None:
-        tested = opened.tested(state.configuration)
-        fit = tested.stack_fit
-        if fit is None:
+    async def locate(self) -> None:
+        """Say where the model that is compared fails."""
+        tested, fit, state = self._tested, self._model(), self.state
+        if tested is None or not isinstance(fit, Fit):
             state.place_text = "This is asked of the model of a stack only."
             return
         with state:
@@ -164,14 +205,16 @@ def show(server: Any) -> None:
                 plot("shifts", 360)
             with vuetify3.VCol(cols=12, md=6):
                 plot("change_mac", 420)
-    html.P("No model is fitted yet: run a fit in the panel Diagnosis.", v_if="!has_fit")
-    with vuetify3.VRow(v_show="has_fit"):
+    vuetify3.VProgressLinear(indeterminate=True, v_if="comparing")
+    html.P("{{ compared_text }}", v_if="compared_text", classes="text-body-2")
+    html.P("No model is fitted yet: run a fit in the panel Diagnosis.", v_if="!has_fit && !comparing")
+    with vuetify3.VRow(v_show="has_fit", classes=("{ stale: comparing }",)):
         with vuetify3.VCol(cols=12, md=6):
-            html.P(
-                "The model has G_f and d_f of this configuration alone, by opt_G and opt_d. Click a cell to "
-                "see both shapes move.",
-                classes="text-body-2",
-            )
+            vuetify3.VSelect(
+                v_model=("compared",), items=("compared_models",), label="Model", density="compact", hide_details=True,
+                v_if="compared_models.length", id="compared", style="max-width: 320px",
+            )  # fmt: skip
+            html.P("Click a cell to see both shapes move.", classes="text-body-2")
             plot("mac", 420, clicked)
             plot("frequencies", 380)
         with vuetify3.VCol(cols=12, md=6):

@@ -164,9 +164,6 @@ def write_identification(campaign: Path, band: tuple[float, float], order: int) 
 
 TITLE, ICON = "Identification", "mdi-chart-scatter-plot"
 
-_LEAST_LINES = 40  # of a band
-
-_REST = 0.3  # s, after which a handle that was moved rests
 
 _ORDERS = (10, 120)  # that can be asked for
 
@@ -251,9 +248,10 @@ class _Picking:
 
     async def settle(self) -> None:
         """Draw the chart again once the handles of band and order no longer move."""
+        rest = 0.3  # s, after which a handle that was moved rests
         self._moves += 1
         move = self._moves
-        await asyncio.sleep(_REST)
+        await asyncio.sleep(rest)
         if move == self._moves and self._tested is not None and self._drawn != self._handles():
             with self.state:
                 self.stabilize()
@@ -264,13 +262,14 @@ class _Picking:
 
     def stabilize(self) -> None:
         """Draw the stabilisation chart of the band and the order that are set."""
+        least_lines = 40  # of a band
         if self._tested is None:
             return
         state, all_lines = self.state, self._tested.frf().by_reciprocity()
         lines = all_lines.band(*state.band)
-        if lines.frequency.size < _LEAST_LINES:
+        if lines.frequency.size < least_lines:
             state.poles_text = (
-                f"The band has {lines.frequency.size} lines; widen it to {_LEAST_LINES} at least."
+                f"The band has {lines.frequency.size} lines; widen it to {least_lines} at least."
             )
             return
         state.order = min(int(state.order), lines.frequency.size // 3)

@@ -25,8 +25,6 @@ TITLE, ICON = "Measurement", "mdi-access-point"
 
 _LONG, _THIN = 2.4, 0.3  # of the longest side as it is drawn, and the least of any: a beam is still seen
 
-_ARROW = 0.05  # of the longest side
-
 
 def points_chart(tested: Tested, chosen: int) -> Chart:
     """Draw the measured points with their directions, the force, the lines between points and the stack.
@@ -105,8 +103,9 @@ def _arrows(
     place: Mapping[int, NDArray[np.float64]], node: NDArray[np.int64], direction: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return lines (n, 2, 3) from points, mm, along directions; points without coordinates have none."""
+    arrow = 0.05  # of the longest side
     at = np.array(list(place.values()))
-    length = _ARROW * float(np.ptp(at, axis=0).max())
+    length = arrow * float(np.ptp(at, axis=0).max())
     known = [
         (place[int(n)], along)
         for n, along in zip(node, np.asarray(direction), strict=True)

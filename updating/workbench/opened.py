@@ -8,7 +8,7 @@ import signal
 import sys
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from ema.campaign.campaign import Campaign
 from updating.errors import StoreError
 from updating.fitting.plots import ShapePair
 from updating.report.chart import Chart
+from updating.report.identified_model import with_models
 from updating.report.modes_part import gallery_of
 from updating.report.page import render
 from updating.report.part import Section
@@ -45,6 +46,12 @@ class Opened:
     def tested(self, name: str) -> Tested:
         """Read one configuration as it is now."""
         return next(tested for tested in self.results().tested if tested.name == name)
+
+    def modelled(self, name: str) -> tuple[Tested, tuple[str, ...]]:
+        """Return one configuration with its models, which are solved where they are not kept, and remarks on them."""
+        results = self.results()
+        found = with_models(replace(results, tested=tuple(t for t in results.tested if t.name == name)))
+        return found.tested[0], found.remarks
 
 
 def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) -> Opened:
@@ -126,9 +133,6 @@ def empty() -> dict[str, Any]:
 
 _SHOWN = 400  # lines of what it says that are kept
 
-_LAST_WORDS = 2.0  # s
-
-_PATIENCE = 15.0  # s that a command has to end
 
 _CODE = "from updating.commands.command_line import main; main()"
 
@@ -162,6 +166,7 @@ class Command:
 
     async def run(self, arguments: Sequence[str], ended: Callable[[int], Awaitable[None]]) -> None:
         """Run `lamella` with these arguments and call `ended` with its exit code."""
+        last_words = 2.0  # s
         if self.running:
             return
         self._process = await asyncio.create_subprocess_exec(
@@ -176,7 +181,7 @@ class Command:
         try:
             code = await self._process.wait()
             with suppress(TimeoutError):  # a worker may hold its output a moment longer
-                await asyncio.wait_for(reading, _LAST_WORDS)
+                await asyncio.wait_for(reading, last_words)
         finally:
             self._process = None
         await ended(code)
@@ -193,13 +198,14 @@ class Command:
 
         It ends its workers itself. Where it does not within some seconds, it and they are killed.
         """
+        patience = 15.0  # s that a command has to end
         if self._process is None:
             return
         process = self._process
         with suppress(ProcessLookupError):
             process.terminate()
         with suppress(RuntimeError):  # no loop runs where the workbench itself ends
-            asyncio.get_running_loop().call_later(_PATIENCE, self._kill, process)
+            asyncio.get_running_loop().call_later(patience, self._kill, process)
 
     def _kill(self, process: asyncio.subprocess.Process) -> None:
         if process.returncode is None:

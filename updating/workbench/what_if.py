@@ -8,22 +8,40 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Configuration
-from ema.modal.mac import mac
+from ema.modal.mac import mac, real_shape
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import DERIVATIVE, FRF
-from ema.types.modal_model import frequency_text
-from model import Modes, Observed, Stack, catalogue, find_effects, observe, read_stack
-from updating.correlation.registration import register
+from ema.types.modal_model import ModalModel, frequency_text
+from model import (
+    Effect,
+    EffectError,
+    Modes,
+    Observed,
+    ReducedSystem,
+    Stack,
+    catalogue,
+    find_effects,
+    observe,
+    read_stack,
+    reduce,
+    solve_modes,
+)
+from updating.correlation.pairing import LEAST_MAC, N_MODE, pair
+from updating.correlation.registration import register, visible
 from updating.diagnosis.answer import Ranked
+from updating.diagnosis.cached_model import kept_model
+from updating.diagnosis.candidates import CandidateModel
+from updating.diagnosis.experiment import aids
 from updating.diagnosis.explained_model import explained_stack, finer_ratio
 from updating.diagnosis.fit_settings import CONTACT
-from updating.errors import PairingError
-from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, frequency_error
-from updating.fitting.target import Prepared, partners, prepare, solve_all, stack_in_state, target_of_modes
+from updating.diagnosis.stack_near import RATIOS
+from updating.errors import FitError, PairingError
+from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, N_SNAPSHOT, frequency_error, stack_in_state
 from updating.report.chart import Chart, axis, legend_above, single
 from updating.report.identified_model import identified_effects
 from updating.report.results import Results, Tested
@@ -110,15 +128,43 @@ class Tried:
 
     Attributes
     ----------
-    prepared : Prepared
-        It, reduced.
+    stack : Stack
+        The stack with the effects that are tried.
+    measured : ModalModel
+        The identified modes.
+    system : ReducedSystem
+        The stack, reduced.
+    observed : Observed
+        The measured points, tied to it.
+    used : (n_mode,) bool
+        Measured modes that the model has.
+    moved : mapping of str to float
+        Values of what no slider moves, such as the steel's.
     natural, ratio : (n,) float
         Frequencies of some modes, Hz, and what those of an ever finer mesh are over them.
     """
 
-    prepared: Prepared
+    stack: Stack
+    measured: ModalModel
+    system: ReducedSystem
+    observed: Observed
+    used: NDArray[np.bool_]
+    moved: Mapping[str, float]
     natural: NDArray[np.float64]
     ratio: NDArray[np.float64]
+
+    def solved(self, values: Mapping[str, float]) -> Modes:
+        """Return all modes, those of the rigid body first, for some values of the parameters."""
+        theta = {"pressure": self.stack.contact.pressure, "d_f": 0.0, **self.moved, **values}
+        return solve_modes(
+            self.system,
+            G_f=theta.pop("G_f"),
+            d_f=theta.pop("d_f"),
+            n_mode=N_MODE,
+            observation=self.observed,
+            parameters=theta,
+            by=(),
+        )
 
 
 def explanation(results: Results, effects: Collection[str]) -> Ranked | None:
@@ -133,12 +179,22 @@ def explanation(results: Results, effects: Collection[str]) -> Ranked | None:
 
 
 def tried_model(
-    results: Results, tested: Tested, configuration: Configuration, stack_file: Path, effects: Sequence[str]
+    results: Results,
+    tested: Tested,
+    configuration: Configuration,
+    stack_file: Path,
+    effects: Sequence[str],
+    kept: CandidateModel | None = None,
 ) -> Tried:
-    """Reduce the model of a configuration with some effects.
+    """Return the model of a configuration with some effects, reduced here where no diagnosis left one.
 
     Where a diagnosis fitted these, steel, sizes and places are as it has them, and frequencies those of an ever finer
     mesh; else all is as the stack file states it.
+
+    Parameters
+    ----------
+    kept : CandidateModel, optional
+        The model that the diagnosis of these results left, with all effects that the stack can have.
 
     Raises
     ------
@@ -146,17 +202,76 @@ def tried_model(
         The stack cannot have an effect, or the measured points do not lie on it.
     """
     known, ranked = find_effects(effects, catalogue()), explanation(results, effects)
-    if ranked is None or results.diagnosis is None or results.diagnosis.stack is None:
-        stack = stack_in_state(read_stack(stack_file), configuration)
-        (prepared,) = prepare([target_of_modes(stack.with_effects(*known), tested.measured)])
-        return Tried(prepared=prepared, natural=np.ones(1), ratio=np.ones(1))
-    stated = results.diagnosis.stack
-    stack = explained_stack(stated, ranked, known, state=tested.name, pressure=tested.pressure)
-    plain = replace(stack, effects=(), effect_values={})
-    (prepared,) = prepare([target_of_modes(plain.with_effects(*known), tested.measured)])
-    modes = solve_all(prepared, explained_values(stack), ()).elastic()
+    stated = None if results.diagnosis is None else results.diagnosis.stack
+
+    def explained(answer: Ranked, effects: Sequence[Effect]) -> Stack:
+        assert stated is not None
+        return explained_stack(stated, answer, effects, state=tested.name, pressure=tested.pressure)
+
+    stack = stack_in_state(read_stack(stack_file), configuration)
+    if ranked is not None and stated is not None:
+        stack = explained(ranked, known)
+    tried = _as_stated(
+        replace(stack, effects=(), effect_values={}).with_effects(*known), tested.measured, kept
+    )
+    if kept is None or results.diagnosis is None:
+        at_some = [{"G_f": float(g)} for g in np.geomspace(*G_F_BOUNDS, 13)]
+    else:
+        for reason in (kept.impossible[name] for name in effects if name in kept.impossible):
+            raise EffectError(reason)
+        base = results.diagnosis.ranked(())
+        at_some = [{**_moved(base, kept), **explained_values(explained(base, ()))}]
+    tried = replace(tried, used=_paired(tried, at_some))
+    if ranked is None or stated is None:
+        return tried
+    tried = tried if kept is None else replace(tried, moved=_moved(ranked, kept))
+    modes = tried.solved(explained_values(stack)).elastic()
     ratio = finer_ratio(modes.frequency, ranked.modelled.get(tested.name, ()))
-    return Tried(prepared=prepared, natural=modes.frequency, ratio=ratio)
+    return replace(tried, natural=modes.frequency, ratio=ratio)
+
+
+def _as_stated(stack: Stack, measured: ModalModel, kept: CandidateModel | None) -> Tried:
+    """Return a stack with nothing moved, reduced where no model of it is kept."""
+    system = None if kept is None else kept.system
+    system = system or reduce(stack, G_f_range=G_F_BOUNDS, n_snapshot=N_SNAPSHOT, n_mode=N_MODE)
+    points = register(stack, measured.geometry, measured.node, measured.direction).observation
+    return Tried(
+        stack=stack,
+        measured=measured,
+        system=system,
+        observed=observe(system, points),
+        used=np.ones(measured.frequency.size, bool),
+        moved={},
+        natural=np.ones(1),
+        ratio=np.ones(1),
+    )
+
+
+def _paired(tried: Tried, values: Sequence[Mapping[str, float]]) -> NDArray[np.bool_]:
+    """Tell which measured modes pair where MAC values, those of subspaces for close modes, sum to most, (n_mode,)."""
+    pairs = [pair(tried.measured, tried.solved(own).elastic(), threshold=LEAST_MAC) for own in values]
+    best = max(pairs, key=lambda p: float(np.sum(p.subspace_mac)))
+    if best.measured.size == 0:
+        message = (
+            f"{tried.measured.name}: no measured mode reaches a MAC of {LEAST_MAC:g} with the model; check point "
+            "numbers, directions and signs"
+        )
+        raise FitError(message)
+    return np.isin(np.arange(tried.used.size), best.measured)
+
+
+def kept_reduction(results: Results) -> CandidateModel | None:
+    """Return the reduced model that the diagnosis of some results left, None where it is not there any more."""
+    stack = None if results.diagnosis is None else results.diagnosis.stack
+    if stack is None or stack.instruments is None:
+        return None
+    return kept_model(stack, stack.instruments, catalogue(), aids())
+
+
+def _moved(ranked: Ranked, kept: CandidateModel) -> dict[str, float]:
+    """Return steel, and places of the rig, as an explanation has them; sizes are in its frequencies alone."""
+    ratios = {name: float(np.exp(ranked.nuisance.get(name, 0.0))) for name in RATIOS}
+    return {**ratios, **{name: ranked.nuisance.get(name, 0.0) for name in kept.places}}
 
 
 def explained_values(stack: Stack) -> dict[str, float]:
@@ -164,9 +279,9 @@ def explained_values(stack: Stack) -> dict[str, float]:
     return {"G_f": stack.contact.G_f, "d_f": stack.contact.d_f, **stack.effect_values}
 
 
-def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
+def knobs(stack: Stack, G_f: float, d_f: float) -> tuple[Knob, ...]:
     """Return the sliders: contact stiffness and damping, pressure, and the parameters of the effects."""
-    contact = prepared.target.stack.contact
+    contact = stack.contact
     low, high = (k * contact.pressure for k in _PRESSURES)
     first = [
         Knob(name="G_f", unit="Pa/Pa", lower=G_F_BOUNDS[0], upper=G_F_BOUNDS[1], start=G_f, logarithmic=True),
@@ -176,7 +291,7 @@ def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
         ),
         Knob(name="pressure", unit="Pa", lower=low, upper=high, start=contact.pressure, logarithmic=True),
     ]  # fmt: skip
-    parameters = {p.name: p for effect in prepared.target.stack.effects for p in effect.parameters}
+    parameters = {p.name: p for effect in stack.effects for p in effect.parameters}
     return (
         *first,
         *(
@@ -191,21 +306,21 @@ def knobs(prepared: Prepared, G_f: float, d_f: float) -> tuple[Knob, ...]:
 
 def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
     """Solve the reduced model for some values of its parameters."""
-    prepared = tried.prepared
-    solved = solve_all(prepared, values, ())
+    solved = tried.solved(values)
     solved = replace(
         solved, frequency=solved.frequency * np.interp(solved.frequency, tried.natural, tried.ratio)
     )
     modes = solved.elastic()
-    column = partners(prepared, modes)
-    mode = np.flatnonzero(prepared.used & (column >= 0))
-    target = prepared.target
-    likeness = mac(target.shape[:, mode], modes.shape[:, column[mode]])
-    measured, model = target.frequency[mode], modes.frequency[column[mode]]
+    shape = real_shape(tried.measured.shape)
+    likeness = mac(shape, modes.shape)
+    visible_likeness = np.where(visible(modes.shape), likeness, 0.0)
+    column = scipy.optimize.linear_sum_assignment(visible_likeness, maximize=True)[1]
+    mode = np.flatnonzero(tried.used)
+    measured, model = tried.measured.frequency[mode], modes.frequency[column[mode]]
     return Outcome(
         measured=measured,
         model=model,
-        likeness=np.diag(likeness).copy(),
+        likeness=likeness[mode, column[mode]],
         mode=mode,
         error=frequency_error(measured, model),
         modes=solved,
@@ -241,16 +356,16 @@ def outcome_chart(before: Outcome, now: Outcome) -> Chart:
     )
 
 
-def driven(tested: Tested, prepared: Prepared) -> Observed | None:
+def driven(tried: Tried) -> Observed | None:
     """Observe the model where the force acts; None where the points do not say where that is."""
-    measured = tested.measured
+    measured = tried.measured
     try:
         force = register(
-            prepared.target.stack, measured.geometry, measured.input.node[:1], measured.input.direction[:1]
+            tried.stack, measured.geometry, measured.input.node[:1], measured.input.direction[:1]
         )
     except PairingError:
         return None
-    return observe(prepared.system, force.observation)
+    return observe(tried.system, force.observation)
 
 
 def response(modes: Modes, output: int, force: Observed, lines: FRF) -> NDArray[np.complex128]:

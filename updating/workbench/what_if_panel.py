@@ -13,10 +13,12 @@ import numpy as np
 from ema import read_campaign
 from ema.types.frf import FRF
 from model import Observed
+from updating.diagnosis.candidates import CandidateModel
 from updating.errors import LAMELLA_ERRORS
-from updating.fitting.target import model_file
+from updating.fitting.fit import model_file
 from updating.report.identified_model import identified_effects
 from updating.report.results import Results
+from updating.results.store import digest
 from updating.results.text import percent, quantity
 from updating.workbench.opened import Command, Opened, empty, figure, plot
 from updating.workbench.what_if import (
@@ -27,6 +29,7 @@ from updating.workbench.what_if import (
     driven,
     effect_choices,
     explanation,
+    kept_reduction,
     knobs,
     outcome,
     outcome_chart,
@@ -88,6 +91,7 @@ class _WhatIf:
         self._values: dict[str, float] = {}
         self._now: Outcome | None = None
         self._awaited = False
+        self._kept: tuple[str, CandidateModel] | None = None  # the model that a diagnosis left, by its stack
         self._wanted: dict[str, float] = {}  # values that the sliders take once the model is there
         self._of: tuple[str, list[str]] | None = None  # configuration and effects that the sliders are of
         self.command = Command(self._show_lines)
@@ -96,7 +100,10 @@ class _WhatIf:
         """Reduce the model in the background and show its sliders."""
         wanted = self.state.configuration, list(self.state.tried_effects)
         with self.state as state:
-            state.preparing, state.what_if_text = True, "Reducing the model, which takes some seconds."
+            state.preparing, state.what_if_text = (
+                True,
+                "Reading or reducing the model, which takes some seconds.",
+            )
             results = self.opened.results()
             state.effect_list, state.can_be_set = (
                 effect_choices(results),
@@ -140,20 +147,25 @@ class _WhatIf:
         campaign, results = read_campaign(self.opened.campaign), self.opened.results()
         tested = next(tested for tested in results.tested if tested.name == name)
         state, file = campaign.configuration(name), model_file(campaign, "what if")
-        base = tried = tried_model(results, tested, state, file, ())
+        stack = None if results.diagnosis is None else results.diagnosis.stack
+        if self._kept is None or self._kept[0] != digest(stack):
+            kept = kept_reduction(results)
+            self._kept = None if kept is None else (digest(stack), kept)
+        model = None if self._kept is None else self._kept[1]
+        base = tried = tried_model(results, tested, state, file, (), model)
         if effects:
-            tried = tried_model(results, tested, state, file, effects)
-        contact = base.prepared.target.stack.contact
+            tried = tried_model(results, tested, state, file, effects, model)
+        contact = base.stack.contact
         start = {"G_f": contact.G_f, "d_f": contact.d_f}
         if results.diagnosis is None and tested.opt is not None:
             start = {"G_f": tested.opt.G_f.value, "d_f": tested.opt.d_f.value}
         return _Shown(
             tried=tried,
-            knobs=knobs(tried.prepared, **start),
+            knobs=knobs(tried.stack, **start),
             lines=tested.frf().band(*tested.measured.band) if tested.has_functions else None,
-            force=driven(tested, tried.prepared),
+            force=driven(tried),
             before=outcome(base, start),
-            before_force=driven(tested, base.prepared),
+            before_force=driven(base),
         )
 
     def _place(self, values: Mapping[str, float]) -> None:

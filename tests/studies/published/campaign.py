@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from lamella_shared import arrays
 from model import Stack, find_effects, read_stack
 from model.stack.parts import Mesh
+from tests.studies.published.modal_table import ModalTable, fit_row_by, read_modal_table
 from tests.studies.published.shared_opt_G import SharedFit, fit_shared_opt_G
+from tests.studies.published.target import Prepared, prepare, solve_target, target_of_table
 from updating.errors import FitError
 from updating.fitting.fit import (
     D_F_BOUNDS,
@@ -25,8 +27,6 @@ from updating.fitting.fit import (
     estimate_stiffness,
     frequency_error,
 )
-from updating.fitting.modal_table import ModalTable, fit_row_by, read_modal_table
-from updating.fitting.target import Prepared, prepare, solve_target, target_of_table
 
 _RANGE = (-1.0, 2.0)  # of the exponent: stiffness that falls with pressure must not be excluded beforehand
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from ema.types.threads import single_threaded
 from model import Parameter, shared_parameters
 from model.reduction.reduction import sobol
+from tests.studies.published.target import Prepared, solve_target
 from updating.errors import FitError
 from updating.fitting.fit import G_F_BOUNDS, ParameterEstimate, frequency_error
-from updating.fitting.target import Prepared, solve_target
 
 Vector = NDArray[np.float64]
 Kept = Sequence[NDArray[np.bool_]]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import DAMPING_SCATTER, FREQUENCY_SCATTER
 from tests.studies.published.campaign import Calibrated, Published, prepare_published
-from updating.fitting.target import Prepared, solve_target
+from tests.studies.published.target import Prepared, solve_target
 
 Vector = NDArray[np.float64]
 

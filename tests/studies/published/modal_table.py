@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ema.io.files import Section, read_form, read_toml
+from ema.io.files import Section, read_form
 from lamella_shared import arrays
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.criteria import class_grid, solve_by_class
@@ -108,14 +108,6 @@ class TableFit:
     G_f_to_published: Estimate
     frequency_to_published: NDArray[np.float64]
     model_misfit: float
-
-
-def is_modal_table(path: Path) -> bool:
-    """Whether a campaign file describes a modal table; an unreadable file is not, and its reader will say why."""
-    try:
-        return "modal_table" in read_toml(path)
-    except (OSError, ValueError, RecursionError):
-        return False
 
 
 def read_modal_table(path: Path) -> ModalTable:
