@@ -123,7 +123,7 @@ class AmplitudeDependence:
     def _findings(self) -> Iterator[str]:
         # Standard deviations by which a change from the lowest to the highest amplitude must exceed 0 to be
         # reported.
-        damping_drift = 0.03  # relative change of a damping ratio that a repeated test has
+        damping_drift = 0.03  # share of a damping ratio by which such tests differ
         shows = 3.0
         for r, share in enumerate(self.softening):
             if np.isnan(share):

@@ -456,7 +456,7 @@ def solve_verified(
     SolveError
         The modes do not converge.
     """
-    enriched = 0.003  # relative error at which modes over z are dropped, in the enriched basis
+    enriched = 0.003  # of the tolerance, that the through-thickness functions may take in the enriched basis
     contact = stack.contact
 
     def attempt(share: float) -> tuple[ReducedSystem, Modes, NDArray[np.float64]]:
