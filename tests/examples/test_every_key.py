@@ -377,10 +377,6 @@ UPDATE = """
 name = "all keys"
 effects = ["steel_loss"]
 damping = false
-threshold = 0.7
-starts = 1
-seed = 3
-intervals = "normal"
 [[campaign]]
 file = "campaign.toml"
 name = "keys"
@@ -388,17 +384,17 @@ configurations = ["M1"]
 [parameter.G_f]
 scope = "specimen"
 bounds = [200, 6000]
-start = 900
 [parameter.young]
 prior = [1.0, 0.02]
 [parameter.density]
 fixed = 1.01
+[parameter.steel_eta]
+start = 0.01
 [hold_out]
 M1 = [2]
 [scatter]
 frequency = 0.01
 damping = 0.1
-shape = 0.05
 pressure = 0.03
 """
 SPECIMENS = f"""

@@ -1,7 +1,6 @@
 """Updating from a file: what comes out of the shipped one, and what is said of one that is wrong."""
 
 import csv
-import io
 import json
 import shutil
 from pathlib import Path
@@ -10,7 +9,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from ema.types.errors import EmaError
 from model import catalogue
 from updating.commands import update as update_command
 from updating.commands.update import UpdateFile, held_out, parameter_table, read_update_file, run_update
@@ -100,16 +98,12 @@ def test_a_wrong_key_is_named_with_what_would_be_right(tmp_path, old, new, messa
         read_update_file(path)
 
 
-def test_a_key_that_means_nothing_any_more_is_said_to(tmp_path):
-    path, shown = tmp_path / "update.toml", io.StringIO()
-    text = SPEC.read_text(encoding="utf-8").replace("campaign.toml", str(SPEC.parent / "nowhere.toml"))
-    path.write_text('intervals = "profile"\nstarts = 3\n' + text, encoding="utf-8")
-    with pytest.raises(EmaError, match=r"nowhere\.toml"):
-        run_update(path, tmp_path / "out", Console(file=shown, width=300))
-    said = shown.getvalue().splitlines()
-    assert len(said) == 2
-    assert f"{path}: starts has no meaning any more: a fit starts wherever" in said[0]
-    assert "intervals has no meaning any more" in said[1]
+def test_a_start_that_no_fit_takes_is_refused(tmp_path):
+    path = tmp_path / "update.toml"
+    text = SPEC.read_text(encoding="utf-8").replace("[parameter.G_f] ", "[parameter.G_f]\nstart = 900 ")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(FitError, match=r"parameter\.G_f\.start: every fit starts where"):
+        read_update_file(path)
 
 
 def test_an_unknown_configuration_is_said_before_anything_is_identified(tmp_path):

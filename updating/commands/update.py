@@ -7,7 +7,7 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -40,25 +40,13 @@ from updating.results.ledger import ledger_table, write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
 from updating.workers.workers import workers
 
-_WITHOUT = {
-    "threshold": "a fit pairs no modes",
-    "starts": "a fit starts wherever a screening of the effect promises something",
-    "seed": "nothing is drawn",
-    "intervals": "all hold the size of what the model misses, which is integrated out, and are normal in the logarithm "
-    "of contact parameters",
-    "start of contact parameters": "every fit starts where frequencies are met best",
-    "scatter.shape": "the noise of shapes is estimated from what no mode of the model reaches",
-}
-"""What the output says of keys that an earlier fit took."""
-
 _LEAST = 1e-6  # relative standard deviation of what is known exactly
 
 
 class CampaignSection(Section):
     """One campaign; `file` is relative to the file that names it.
 
-    By default all its configurations take part, and it is known by the name in its file. Its configurations are
-    one stack, but the rows of a modal table are one each.
+    By default all its configurations take part, and it is known by the name in its file.
     """
 
     file: str
@@ -88,12 +76,11 @@ class ScatterSection(Section):
     """Standard deviations of what separates a right model from a right measurement; see `DiagnosisScatter`.
 
     Those of `frequency` and `damping` are estimated where they are not stated. `pressure` is that of the contact's
-    stiffness from torque to torque. The noise of shapes is estimated, and `shape` means nothing any more.
+    stiffness from torque to torque.
     """
 
     frequency: Annotated[float, Field(gt=0)] | None = None
     damping: Annotated[float, Field(gt=0)] | None = None
-    shape: Annotated[float, Field(gt=0)] | None = None
     pressure: Annotated[float, Field(ge=0)] | None = None
 
 
@@ -108,8 +95,6 @@ class UpdateFile(Section):
         Effects whose parameters are fitted.
     damping : bool
         Whether damping ratios take part.
-    threshold, starts, seed, intervals
-        Keys of an earlier fit, without meaning now, as the output says: see `without_meaning`.
     campaign : tuple of CampaignSection
         The campaigns.
     parameter : mapping of str to ParameterSection
@@ -124,28 +109,20 @@ class UpdateFile(Section):
     name: str
     effects: tuple[str, ...] = ()
     damping: bool = True
-    threshold: Annotated[float, Field(ge=0, le=1)] | None = None
-    starts: Annotated[int, Field(ge=1)] | None = None
-    seed: Annotated[int, Field(ge=0)] | None = None
-    intervals: Literal["normal", "profile", "bootstrap"] | None = None
     campaign: Annotated[tuple[CampaignSection, ...], Field(min_length=1)]
     parameter: Mapping[str, ParameterSection] = Field(default_factory=dict)
     hold_out: Mapping[str, tuple[Annotated[int, Field(ge=1)], ...]] = Field(default_factory=dict)
     scatter: ScatterSection = ScatterSection()
 
-    @property
-    def without_meaning(self) -> tuple[str, ...]:
-        """What the output says of given keys that mean nothing any more, a sentence each."""
-        given = {
-            name: getattr(self, name) is not None for name in ("threshold", "starts", "seed", "intervals")
-        }
-        given["scatter.shape"] = self.scatter.shape is not None
-        given["start of contact parameters"] = any(
-            name in self.parameter and self.parameter[name].start is not None for name in (*CONTACT, *RATIOS)
-        )
-        return tuple(
-            f"{n} has no meaning any more: {_WITHOUT[n]}." for n, is_there in given.items() if is_there
-        )
+    @model_validator(mode="after")
+    def _starts_of_effects(self) -> UpdateFile:
+        for name in (*CONTACT, *RATIOS):
+            if name in self.parameter and self.parameter[name].start is not None:
+                message = (
+                    f"parameter.{name}.start: every fit starts where frequencies are met best; take it out"
+                )
+                raise ValueError(message)
+        return self
 
     def settings(self, hold_out: Mapping[str, tuple[int, ...]]) -> FitSettings:
         """Return what is known of parameters beforehand, and the modes that are held out, counted from 0."""
@@ -208,8 +185,6 @@ def run_update(
         The file or a campaign is not as it should be, or the fit fails.
     """
     given = read_update_file(path)
-    for sentence in given.without_meaning:
-        console.print(f"{path}: {sentence}", highlight=False, markup=False)
     effects = {e.name: e for e in model.find_effects(given.effects, model.catalogue(effect_files))}
     inputs = [path, *effect_files]
     tested: list[_Tested] = []

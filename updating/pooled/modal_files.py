@@ -205,21 +205,6 @@ def assembled(
     )
 
 
-def usual_poles(frequency: Vector, damping: Vector) -> Vector:
-    """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode), where none is stated.
-
-    Parameters
-    ----------
-    frequency, damping : (n_mode,)
-        Hz, and ratios; NaN where damping was not measured.
-    """
-    blank = ~np.isfinite(damping)
-    there = np.where(blank, _DAMPING, damping)
-    return np.stack(
-        [frequency, FREQUENCY_STD * frequency, there, np.where(blank, _UNKNOWN, DAMPING_STD) * there]
-    )
-
-
 def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -> dict[str, list[str]]:
     """Return the rows of one specimen and configuration, where the table has columns that name these."""
     given = {name: value for name, value in of.items() if name in columns}

@@ -35,8 +35,6 @@ class Screened:
     ----------
     name : str
         The term.
-    log_gain : float
-        Rise of the logarithm of the evidence by the linear step, that of the prior probability included.
     level : float
         What the logarithm of the evidence rises to, up to a constant that all origins have in common.
     leads : callable
@@ -46,7 +44,6 @@ class Screened:
     """
 
     name: str
-    log_gain: float
     level: float
     leads: Callable[[], dict[str, float]]
     reach: float
@@ -152,7 +149,6 @@ def _turn(
         prior = term.log_prior or 0.0
         yield Screened(
             name=name,
-            log_gain=gain + prior,
             level=bordered.level + gain + prior,
             leads=partial(_after_step, here, [c.name for c in kept[:n_base]], step, of_term),
             reach=reach,
