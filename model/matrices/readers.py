@@ -60,7 +60,9 @@ def read_entries(given: str, folder: Path, target: Target, labels: Path | None) 
     if kind in (".sti", ".mas", ".dam"):
         form = "row column value, as CalculiX writes with *FREQUENCY, SOLVER=MATRIXSTORAGE"
         table = numbers(path, read_text(path), 3, form)
-        return _entries(path, table, labels or path.with_name(path.name.replace(kind, ".dof")))
+        beside = path.with_name(path.name.replace(kind, ".dof"))
+        plain = beside.with_name(beside.name.removesuffix(".gz"))
+        return _entries(path, table, labels or (beside if beside.exists() else plain))
     if kind in (".mtx", ".mmf"):
         text = read_text(path)
         if not text.startswith("%%MatrixMarket"):
@@ -214,7 +216,7 @@ def _abaqus(path: Path, text: str) -> Entries:
 def _nastran(path: Path, name: str, target: Target) -> Entries:
     """Read DMIG cards of a punch file, in fields of 8, of 16 (`DMIG*`), or between commas."""
     found: dict[str, tuple[int, list[tuple[int, int, int, int, float]]]] = {}
-    current, column = "", (0, 0)
+    current, column, complex_ones = "", (0, 0), set[str]()
     for number, line in enumerate(read_text(path).splitlines(), 1):
         if not line.strip() or line.startswith("$"):
             continue
@@ -224,6 +226,7 @@ def _nastran(path: Path, name: str, target: Target) -> Entries:
                 current = fields[1].upper()
                 if fields[2] == "0" and current not in found:
                     found[current] = (int(fields[3]), [])
+                    complex_ones |= {current} if fields[4] in ("3", "4") else set()
                     continue
                 column, rest = (int(fields[2]), int(fields[3] or 0)), fields[5:]
             elif fields[0].rstrip("*") in ("", "+") or fields[0].startswith(("*", "+")):
@@ -247,6 +250,12 @@ def _nastran(path: Path, name: str, target: Target) -> Entries:
     if form not in (1, 6) or not table:
         message = (
             f"{path}: matrix {wanted[0]} has form {form}; a filled square (1) or symmetric (6) one is needed"
+        )
+        raise MatricesError(message)
+    if wanted[0] in complex_ones:
+        message = (
+            f"{path}: matrix {wanted[0]} is complex; write it without structural damping (PARAM,G and GE), for a real "
+            "one is needed"
         )
         raise MatricesError(message)
     whole = np.array(table)

@@ -356,7 +356,7 @@ def _nodes(labels: Path | None, file: Path | None) -> Nodes | None:
     if file is not None:
         return read_nodes(file)
     if labels is not None and kind_of(labels) == ".csv":
-        names = {one.strip() for one in read_text(labels).lower().split("\n", 1)[0].split(",")}
+        names = {one.strip() for one in re.split("[,;\t]", read_text(labels).lower().partition("\n")[0])}
         return read_nodes(labels) if {"x", "y", "z"} <= names else None
     return None
 

@@ -57,7 +57,11 @@ def numbers(
         A line holds something else; the message says which, and the `form` that is right.
     """
     try:
-        found = np.loadtxt(io.StringIO(text), ndmin=2, delimiter=delimiter, comments=None)
+        try:
+            found = np.loadtxt(io.StringIO(text), ndmin=2, delimiter=delimiter, comments=None)
+        except ValueError:  # exponents of Fortran, or a fault
+            plain = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text)
+            found = np.loadtxt(io.StringIO(plain), ndmin=2, delimiter=delimiter, comments=None)
     except ValueError as error:
         message = f"{path}: {str(error).rstrip('.')}; each line must be: {form}"
         raise MatricesError(message) from error
@@ -70,12 +74,19 @@ def numbers(
 def columns_of_csv(path: Path, needed: Sequence[str]) -> list[list[str]]:
     """Return columns of a CSV table by their names; cells that are not there are empty.
 
+    Semicolons or tabs between the columns allow decimal commas.
+
     Raises
     ------
     MatricesError
         It lacks a column.
     """
-    reader = csv.reader(io.StringIO(read_text(path)), skipinitialspace=True)
+    text = read_text(path)
+    head = text.lstrip("\ufeff").partition("\n")[0]
+    delimiter = next((one for one in ";\t" if one in head), ",")
+    if delimiter != ",":
+        text = text.replace(",", ".")
+    reader = csv.reader(io.StringIO(text.lstrip("\ufeff")), delimiter=delimiter, skipinitialspace=True)
     names = [name.strip().lower() for name in next(reader, [])]
     missing = [name for name in needed if name not in names]
     if missing:

@@ -211,6 +211,49 @@ def test_a_damaged_line_is_named(tmp_path, text):
         read_entries("k.mtx", tmp_path, "K", None)
 
 
+def test_exponents_of_fortran_are_read(tmp_path):
+    (tmp_path / "k.mtx").write_text("1,1, 1,1, 5.0D+03\n2,1,2,1,1.5d-1\n")
+    assert read_entries("k.mtx", tmp_path, "K", None).value.tolist() == [5000.0, 0.15]
+
+
+def test_a_complex_matrix_of_nastran_is_refused(tmp_path):
+    (tmp_path / "k.pch").write_text(
+        "DMIG    KAAX           0       6       4       0\nDMIG*   KAAX                           1               1\n"
+        "*                      1               1  5.0000000D+03  1.0000000D+02\n"
+    )
+    with pytest.raises(
+        model.MatricesError, match="matrix KAAX is complex; write it without structural damping"
+    ):
+        read_entries("k.pch", tmp_path, "K", None)
+
+
+def test_a_table_of_rows_with_semicolons_and_decimal_commas(tmp_path):
+    labels = table().replace(".", "|").replace(",", ";").replace("|", ",")
+    path = write(tmp_path, labels=labels)
+    assert frequencies(path) == pytest.approx(CHAIN, rel=1e-10)
+    assert model.read_matrices(path).location[:, 0] == pytest.approx(NODE / 10)
+
+
+def test_labels_of_calculix_beside_compressed_matrices(tmp_path):
+    for name in ("plate.sti.gz", "plate.dof"):
+        shutil.copy(EXAMPLE / name, tmp_path)
+    assert read_entries("plate.sti.gz", tmp_path, "K", None).node.size > 600
+
+
+def test_units_that_make_no_structure_are_asked_about(tmp_path):
+    for name in ("plate.sti.gz", "plate.mas.gz", "plate.dof", "plate.inp"):
+        shutil.copy(EXAMPLE / name, tmp_path)
+    head = 'name = "p"\n[matrices]\nunits = "{}"\nstiffness = "plate.sti.gz"\nmass = "plate.mas.gz"\n'
+    head += 'nodes = "plate.inp"\n'
+
+    def notes(units):
+        (tmp_path / "s.toml").write_text(head.format(units) + TAIL)
+        return " ".join(model.read_matrices(tmp_path / "s.toml").notes)
+
+    assert "are the units of all files m-kg-s?" in notes("m-kg-s")
+    assert "are the units" not in notes("mm-t-s")
+
+
 def test_a_triangle_and_both_give_the_same(tmp_path):
     both = "".join(f"{NODE[i]},1,{NODE[j]},1,{K[i, j]!r}\n" for i, j in zip(*K.nonzero(), strict=True))
     (tmp_path / "both.mtx").write_text(both.replace("np.float64(", "").replace(")", ""))
