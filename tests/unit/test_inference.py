@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
+from updating.inference import equation_error
 from updating.inference.discrepancy import joined, shared_levels
 from updating.inference.equation_error import equation_errors, shape_noise
 from updating.inference.explain import converged, explain, setting
@@ -203,3 +204,17 @@ def test_a_measured_mode_that_the_model_lacks_draws_no_fit_away():
     drawn = converged(model, [], common, np.zeros(2))
     assert drawn.log_evidence < base.log_evidence - 10.0
     assert base.evidence.sizes.stiffness < 0.2 * drawn.evidence.sizes.stiffness
+
+
+def test_the_covariance_of_modal_coordinates_stays_positive_where_a_shape_is_measured_far_better_than_known():
+    """A shape of modes that sensors hardly see is long: the inverse by itself was negative by rounding."""
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        rows = rng.standard_normal((44, 5)) @ rng.standard_normal((5, 21)) + 1e-6 * rng.standard_normal(
+            (44, 21)
+        )
+        gap, seen = rng.uniform(0.02, 5.0, (1, 21)), rng.standard_normal((1, 21))
+        covariance = equation_error._coordinates(
+            rows.T @ rows, seen, np.array([300.0]), np.array([1e-4]), gap, 1.0
+        )[2][0]
+        assert la.eigvalsh(covariance)[0] > -1e-12

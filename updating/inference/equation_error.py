@@ -162,6 +162,7 @@ def equation_errors(
     usual: float = 0.03,
     wide: float = WIDE,
     rest: float = 1e-3,
+    exact: float = 1e-6,
 ) -> Errors:
     """Put the measured modes of a state into the equations of a model.
 
@@ -183,6 +184,8 @@ def equation_errors(
         Equation error that is possible before anything is known: what sensors do not see stays unknown.
     rest : float
         Relative standard deviation of a damping ratio that no identification is better than.
+    exact : float
+        Equation error to which the model's own arithmetic is right, for a mode exactly at the frequency of another.
     """
     m, n = modal.eigenvalue.size, state.frequency.size
     n_coordinate = n_coordinate if modal.touched is None else modal.touched.size
@@ -203,7 +206,7 @@ def equation_errors(
     if modal.of_mode is not None:
         value = value - np.einsum("rij,rj->ri", modal.of_mode, a) / scale
     frequency_variance = (2.0 * state.frequency_std / state.frequency) ** 2 + 1e-9
-    of_noise[:, np.arange(m), np.arange(m)] += frequency_variance[:, None] * weight**2
+    of_noise[:, np.arange(m), np.arange(m)] += frequency_variance[:, None] * weight**2 + exact**2
 
     jacobian = _driven(modal, lam, scale, weight, n_coordinate)
     look = _look(modal, lam, weight, n_coordinate)
@@ -301,7 +304,8 @@ def _coordinates(
     prior = np.clip(width / np.abs(gap), 0.02, 3.0) ** -2.0
     sure = (length / noise) ** 2
     inverse = gram * sure[:, None, None] + prior[:, :, None] * np.eye(len(gram))
-    covariance = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
+    half = np.linalg.inv(np.linalg.cholesky(inverse))  # its square stays positive where the inverse by itself may not
+    covariance = half.transpose(0, 2, 1) @ half
     a = np.einsum("rij,rj->ri", covariance, seen) * (length / noise**2)[:, None]
     return a, inverse, covariance
 
