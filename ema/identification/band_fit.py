@@ -27,6 +27,7 @@ from ema.identification.evidence import (
     holds_pole,
     is_sound,
     is_split,
+    is_unresolved,
     judge,
     left_at_poles,
     powers,
@@ -399,14 +400,15 @@ def _overlap(peak: Peak, other: Peak) -> bool:
 
 
 def _without_common(frf: FRF, given: BandFit) -> BandFit:
-    """Take away poles beside which peaks as high are left.
+    """Take away poles beside which peaks as high are left, and those whose damping ran to 0 in the last fit.
 
     Runs that differ leave such peaks of the strongest modes, too, until they are followed: so this comes last. Where
     it is the misfit of strong modes that is as high, lines weigh by that misfit.
     """
     data = _functions(replace(frf, value=given.value))
     result = _weighed(data, given)
-    while (common := _is_common_anyhow(data, result.fit)).any():
+    spacing = 2.0 * np.pi * float(data.frequency[1] - data.frequency[0])
+    while (common := _is_common_anyhow(data, result.fit) | is_unresolved(result.fit.pole, spacing)).any():
         kept = np.flatnonzero(~common)
         pairs = (2 * kept[:, None] + np.arange(2)).reshape(-1)
         covariance = result.fit.pole_covariance[np.ix_(pairs, pairs)]

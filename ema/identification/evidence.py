@@ -530,7 +530,7 @@ def objections(
     if not inside(extended.pole, band)[-1]:
         yield Refusal("its bandwidth reaches beyond the band")
     std = float(np.sqrt(extended.pole_covariance[-1, -1]))
-    if -new.real > MAX_DAMPING * abs(new) or std > -new.real or -new.real < 0.02 * spacing:
+    if -new.real > MAX_DAMPING * abs(new) or std > -new.real or is_unresolved(new, spacing):
         yield Refusal("its damping is not determined")
     if np.any(apart[:-1] < apart[-1]):
         yield Refusal("one resonance that is not that of a linear mode: a second pole takes its misfit")
@@ -540,6 +540,16 @@ def objections(
         yield Refusal("it is seen in one run only, beside a mode that is elsewhere there")
     if left > max(most_left * peak.share, LEAST_SHARE):
         yield Refusal(EXPLAINS_LESS)
+
+
+def is_unresolved(
+    pole: complex | NDArray[np.complex128], spacing: float, *, narrowest: float = 0.02
+) -> NDArray[np.bool_]:
+    """Tell which poles are so narrow beside the spacing of the lines that these say nothing of their damping.
+
+    `narrowest`: half bandwidth of one that is not, lines. One line out of place is fitted so, beside a mode or alone.
+    """
+    return np.asarray(-np.asarray(pole).real < narrowest * spacing)
 
 
 def _of_phases(

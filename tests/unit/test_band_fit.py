@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from ema.identification.band_fit import SEVERAL, BandFit, fit_band, is_common, with_lost_peaks
+from ema.identification.band_fit import (
+    SEVERAL,
+    BandFit,
+    _without_common,
+    fit_band,
+    is_common,
+    with_lost_peaks,
+)
 from ema.identification.evidence import unexplained_peaks
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
@@ -188,3 +195,14 @@ def test_a_peak_whose_pole_is_gone_is_listed():
     assert (
         with_lost_peaks(frf, without, without, "gone").left == ()
     )  # what never had a pole was refused or is noise
+
+
+def test_a_pole_whose_damping_ran_to_0_is_no_mode():
+    """The fit of all poles together can end so, beside a mode or at a single line."""
+    rng = np.random.default_rng(3)
+    value, spike = spiked(rng, functions(rng, 1e-3), 1)
+    frf = measured(value)
+    fitted = fit_band(frf, 20, np.append(POLE, spike), (LINES[0], LINES[-1]))
+    assert fitted.fit.pole.size == 3
+    kept = _without_common(frf, fitted)
+    np.testing.assert_allclose(kept.fit.pole, fitted.fit.pole[:2])
