@@ -259,7 +259,7 @@ def effects(
         raise typer.Exit(1)
 
 
-@app.command(epilog="Example: lamella fit data/pirnat2013/table7.toml -o out/pirnat2013")
+@app.command(epilog="Example: lamella fit data/hidden_effect/d/campaign.toml -o out/d")
 def fit(
     campaign: CampaignFile,
     output: Folder,
@@ -275,13 +275,11 @@ def fit(
 ) -> None:
     """Identify a campaign, fit contact stiffness G_f and contact damping d_f, and write the report.
 
-    G_f minimises opt_G and d_f minimises opt_d; modes are paired by MAC. A campaign whose modes are
-    given as a table is fitted row by row, with modes paired by shape class.
+    G_f minimises opt_G and d_f minimises opt_d; modes are paired by MAC.
 
     With --effect, effects whose parameters all configurations share are added, each alone and all together, with one
     contact law for all torques of a stack, and the ledger says what each does to the error on data fitted and on data
-    held out. One stack is fitted as lamella diagnose does it, with --scatter as there, and with the same numbers;
-    rows of a table by opt_G over all.
+    held out. One stack is fitted as lamella diagnose does it, with --scatter as there, and with the same numbers.
 
     Of a campaign that lists specimens all are fitted together: effects are the rig's, contact each specimen's own.
     """
