@@ -171,10 +171,10 @@ def _joined(columns: Columns, decimal: str) -> Columns:
 
 def _turned(columns: Columns) -> Columns:
     """Return a table whose first column holds the titles, with its rows as columns."""
+    if len(columns) < 2:
+        return {}
     first, *others = columns.values()
-    return (
-        {title.casefold(): [cells[k] for cells in others] for k, title in enumerate(first)} if others else {}
-    )
+    return {title.casefold(): [cells[k] for cells in others] for k, title in enumerate(first)}
 
 
 def _numbers(cells: list[str], decimal: str) -> Iterator[float]:

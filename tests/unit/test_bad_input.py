@@ -370,8 +370,8 @@ TABLE = {
                             ["configuration[1].pressure_kPa", "number", "True"]),
     "true for a point": ("ema campaign.toml", campaign('"1+z", "2', '{node = true, direction = [0, 0, 1]}, "2'),
                          ["configuration[1].output[1]", "is not a DOF"]),
-    "true for starts": ("update update.toml", holds("update.toml", UPDATE + "starts = true\n" + UPDATED),
-                        ["update.toml: starts", "valid integer, found True"]),
+    "starts, which are gone": ("update update.toml", holds("update.toml", UPDATE + "starts = true\n" + UPDATED),
+                               ["update.toml: starts", "unknown key"]),
     # directions, bands, points
     "table for a direction": ("ema campaign.toml", direction("{x = 1}"), ["output[1]", "is not a DOF", "'12+z'"]),
     "date in a direction": ("ema campaign.toml", direction("[1979-05-27, 0, 1]"), ["output[1]", "is not a DOF"]),

@@ -36,6 +36,7 @@ DECIBEL = [FREQUENCY, *(part for v in VALUE for part in (20 * np.log10(np.abs(v)
     ("text", "layout"),
     [
         (rows(PARTS), {"layout": "real-imaginary"}),
+        ("x\n" + rows(PARTS), {"layout": "real-imaginary"}),
         (rows(PARTS, ";", ","), {"layout": "real-imaginary", "delimiter": "semicolon", "decimal": ","}),
         ("Spektrum m/s²\nHz\tRe\n" + rows(PARTS, "\t"),
          {"layout": "real-imaginary", "delimiter": "tab", "header_rows": 2, "encoding": "latin-1"}),
