@@ -97,7 +97,6 @@ def test_gzip(tmp_path):
     ("text", "layout", "said"),
     [
         (rows(PARTS).replace("10.5", "ten"), {}, "row 2, column 1: expected a number, found 'ten'"),
-        ("x\n" + rows(PARTS), {}, "has 0 columns for functions"),
         (rows(PARTS) + "12,1\n", {"header_rows": 0}, "row 4, column 3: expected a number, found ''"),
         (rows(PARTS, ";"), {}, "is the delimiter 'comma' right"),
         (rows(PARTS), {"columns": [[8, 9]]}, "column 9 is asked for, but row 1 has 5 columns"),
