@@ -221,11 +221,17 @@ def _rigid(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
 
 
 def _frequency(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
-    depends = False
+    depends, alone = False, set[str]()
     for theta in _inside(effect, assembly):
         there = {OMEGA: OMEGA_REFERENCE, **theta}
         for term in _own(assembly, base):
-            depends |= term.factor(there) != term.factor({**there, OMEGA: 1.3 * OMEGA_REFERENCE})
+            moves = term.factor(there) != term.factor({**there, OMEGA: 1.3 * OMEGA_REFERENCE})
+            depends |= moves
+            alone |= (
+                {term.name} if moves and term.target == "M" and not isinstance(term.factor, Riding) else set()
+            )
+    for name in sorted(alone):
+        yield f"term {name!r}: a mass that depends on frequency is one on a spring, whose factor is a Riding"
     if depends != effect.frequency_dependent:
         yield f"frequency_dependent is {effect.frequency_dependent}, but its factors say {depends}"
 

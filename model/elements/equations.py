@@ -87,18 +87,15 @@ class _Recorded(dict[str, Any]):
         return super().__getitem__(name)
 
 
-@dataclass(frozen=True, eq=False)
-class Formula:
-    """The factor of a term as an analytic function of the parameters, with derivatives by a complex step.
+class Analytic:
+    """A factor that is an analytic function of the parameters, with derivatives by a complex step.
 
-    Attributes
-    ----------
-    function : callable
-        From a mapping of parameter names to values, real or complex, to the factor; no `abs`, `min` or
-        comparison of complex values inside, which are not analytic (Squire and Trapp 1998).
+    No `abs`, `min` or comparison of complex values is inside, which are not analytic (Squire and Trapp 1998).
     """
 
-    function: Callable[[Theta], Any]
+    def function(self, theta: Theta, /) -> Any:
+        """Return the factor, a number, at values of the parameters by name, real or complex."""
+        raise NotImplementedError
 
     def __call__(self, theta: Mapping[str, float]) -> float:
         """Return the value at the parameters `theta`."""
@@ -113,6 +110,19 @@ class Formula:
         recorded = _Recorded(theta)
         self.function(recorded)
         return frozenset(recorded.asked)
+
+
+@dataclass(frozen=True, eq=False)
+class Formula(Analytic):
+    """The factor of a term as an analytic function of the parameters.
+
+    Attributes
+    ----------
+    function : callable
+        From a mapping of parameter names to values, real or complex, to the factor, as `Analytic` asks for it.
+    """
+
+    function: Callable[[Theta], Any]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -144,7 +154,7 @@ class Product:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Riding:
+class Riding(Analytic):
     """The factor of a unit mass that rides on a spring: what its apparent mass m / (1 - omega^2 m c) is above m.
 
     Line by line it is this factor (Den Hartog, Mechanical Vibrations, 3.2). In reduced matrices the mass has
@@ -157,7 +167,7 @@ class Riding:
     compliance : callable
         From the parameters to the compliance c of its seat, m/N; analytic as the function of a `Formula`.
     share : callable
-        From the parameters to the share of the mass that rides, from 0 to 1; analytic as well.
+        From the parameters to the share of the mass that rides, from 0 to 1; its root is analytic as well.
     loss : float
         Loss factor of the seat, which bounds the apparent mass: that of bolted joints that slip (Ibrahim and Pettit,
         J. Sound Vib. 279, 2005).
@@ -168,21 +178,10 @@ class Riding:
     share: Callable[[Theta], Any]
     loss: float = 0.1
 
-    def _gain(self, t: Theta) -> Any:
-        x = t[OMEGA] ** 2 * self.mass * self.compliance(t)
-        return self.share(t) * self.mass * x * (1.0 - x) / ((1.0 - x) ** 2 + self.loss**2)
-
-    def __call__(self, theta: Mapping[str, float]) -> float:
-        """Return the value at the parameters `theta`, kg."""
-        return Formula(self._gain)(theta)
-
-    def derivative(self, theta: Mapping[str, float], name: str) -> float:
-        """Return the derivative by the parameter `name` at `theta`."""
-        return Formula(self._gain).derivative(theta, name)
-
-    def names(self, theta: Mapping[str, float]) -> frozenset[str]:
-        """Return the parameters on which it depends at `theta`."""
-        return Formula(self._gain).names(theta)
+    def function(self, theta: Theta, /) -> Any:
+        """Return what the mass is above its own at an angular frequency, kg, real or complex."""
+        x = theta[OMEGA] ** 2 * self.mass * self.compliance(theta)
+        return self.share(theta) * self.mass * x * (1.0 - x) / ((1.0 - x) ** 2 + self.loss**2)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -177,11 +177,14 @@ def _array(path: Path, name: str) -> sp.coo_matrix:
         if kind_of(path) == ".mat":
             arrays = {k: v for k, v in scipy.io.loadmat(path).items() if not k.startswith("__")}
         else:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
                 arrays = {k: file[k] for k in file.files}
             if "format" in arrays:
-                return sp.coo_matrix(sp.load_npz(path))
-    except (OSError, ValueError, NotImplementedError, KeyError, EOFError) as error:
+                arrays = {name: sp.load_npz(path)}
+        for array in arrays.values():
+            if hasattr(array, "check_format"):  # of a sparse matrix; conversions trust its indices, and crash
+                array.check_format(full_check=True)
+    except Exception as error:  # a damaged file brings forth any, of zip, of its compression, of the reader
         message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
         raise MatricesError(message) from error
     if not name and len(arrays) == 1:

@@ -9,22 +9,19 @@ and at c = 0 the mass moves with the structure.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 import scipy.linalg as la
 
-from model.elements.equations import Assembly, Formula, Monomial, Riding, Theta
+from model.elements.equations import Analytic, Assembly, Monomial, Riding, Theta
 from model.reduction.reduced_equations import ReducedTerm, Vectors
 
 _STIFFNESS = 1e8
 """Stiffness k of the coordinates, N/m: any of the order of a seat's keeps the equations well scaled."""
 _HIGHEST = 200e3
 """Frequency, Hz, at which a mass rides on a seat without compliance: infinite, were masses of 0 allowed."""
-_LEAST = 1e-12
-"""Share of a mass that is as good as none."""
 _RANK = 1e-9
 """Of the largest motion of a mass, below which another is rounding."""
 
@@ -33,7 +30,7 @@ Part = Literal["own", "between"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RidingPart:
+class RidingPart(Analytic):
     """The factor of the mass of a coordinate of motion on the seat: its own, or that between it and the structure.
 
     Attributes
@@ -47,26 +44,13 @@ class RidingPart:
     riding: Riding
     part: Part
 
-    def _mass(self, t: Theta) -> Any:
-        mass, compliance = self.riding.mass, self.riding.compliance(t)
+    def function(self, theta: Theta, /) -> Any:
+        """Return the mass, kg, real or complex."""
+        mass, compliance = self.riding.mass, self.riding.compliance(theta)
         least = 1.0 / (mass * (2.0 * math.pi * _HIGHEST) ** 2)
         if self.part == "own":
             return mass * _STIFFNESS * (compliance + least)
-        # The least share only keeps the derivative finite where nothing rides.
-        rides = np.sqrt(self.riding.share(t) + _LEAST) - np.sqrt(_LEAST)
-        return mass * rides * compliance * np.sqrt(_STIFFNESS / (compliance + least))
-
-    def __call__(self, theta: Mapping[str, float]) -> float:
-        """Return the value at the parameters `theta`, kg."""
-        return Formula(self._mass)(theta)
-
-    def derivative(self, theta: Mapping[str, float], name: str) -> float:
-        """Return the derivative by the parameter `name` at `theta`."""
-        return Formula(self._mass).derivative(theta, name)
-
-    def names(self, theta: Mapping[str, float]) -> frozenset[str]:
-        """Return the parameters on which it depends at `theta`."""
-        return Formula(self._mass).names(theta)
+        return mass * compliance * np.sqrt(self.riding.share(theta) * _STIFFNESS / (compliance + least))
 
 
 def riding_terms(assembly: Assembly, basis: Vectors) -> tuple[tuple[ReducedTerm, ...], int]:

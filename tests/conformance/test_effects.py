@@ -141,6 +141,15 @@ def test_the_trial_effects_have_no_faults():
             },
             "the matrix M is not positive",
         ),
+        (
+            {
+                "factor": Formula(lambda t: t["strength"] * t["omega"] / 1e4),
+                "target": "M",
+                "krons": grounding,
+                "frequency_dependent": True,
+            },
+            "whose factor is a Riding",
+        ),
         ({"factor": WrongDerivative()}, "derivative of its factor by strength"),
         ({"factor": Formula(lambda t: abs(t["strength"]))}, "derivative of its factor by strength"),
         ({"factor": Formula(lambda t: t["strenght"])}, "strenght"),

@@ -1,5 +1,6 @@
 """Matrices of other programs: read, refused in words, reduced."""
 
+import contextlib
 import shutil
 import subprocess
 import sys
@@ -209,6 +210,22 @@ def test_a_damaged_line_is_named(tmp_path, text):
     (tmp_path / "k.mtx").write_text(text)
     with pytest.raises(model.MatricesError, match=r"k\.mtx: .*(must be: node, dof|empty)"):
         read_entries("k.mtx", tmp_path, "K", None)
+
+
+@pytest.mark.parametrize("name", ["sparse.npz", "dense.npz", "k.mat"])
+def test_a_damaged_file_of_arrays_is_refused_or_read(tmp_path, name):
+    """Zip, its compression and scipy raise what they like, and conversions of wrong sparse indices crashed Python."""
+    sp.save_npz(tmp_path / "sparse.npz", sp.csr_matrix(K))
+    np.savez(tmp_path / "dense.npz", K=K)
+    scipy.io.savemat(tmp_path / "k.mat", {"K": sp.csc_matrix(K)})
+    (tmp_path / "dofs.csv").write_text(table())
+    whole, rng = (tmp_path / name).read_bytes(), np.random.default_rng(0)
+    for number in range(60):
+        content = bytearray(whole[: rng.integers(1, len(whole))] if number % 2 else whole)
+        content[rng.integers(len(content))] = rng.integers(256)
+        (tmp_path / name).write_bytes(bytes(content))
+        with contextlib.suppress(model.MatricesError):
+            read_entries(name, tmp_path, "K", tmp_path / "dofs.csv")
 
 
 def test_exponents_of_fortran_are_read(tmp_path):

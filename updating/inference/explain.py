@@ -422,7 +422,7 @@ def _curved(
     Such is the number of a clamp at its clamp: its derivative is 0 there, and Gauss and Newton's Hessian knows nothing.
     Where that allows more than a step, the model is asked at a step.
     """
-    added = np.zeros(x.size)
+    added, here = np.zeros(x.size), cost.total(problem, white, x)
     for i in range(len(model.nuisances), x.size):
         c, known = coordinates[i], white.hessian[i, i] + problem.curvature[i, i]
         if c.lower == c.upper or known > c.step**-2.0:
@@ -433,8 +433,8 @@ def _curved(
             to[i] = np.clip(x[i] + step, c.lower, c.upper)
             if abs(to[i] - x[i]) > 0.5 * c.step:
                 with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                    rise = cost.total(*weighed_at(model, local, setting, to, cost.sizes)[1:], to)
-                    rises.append(2.0 * (rise - cost.total(problem, white, x)) / (to[i] - x[i]) ** 2)
+                    there = cost.total(*weighed_at(model, local, setting, to, cost.sizes)[1:], to)
+                    rises.append(2.0 * (there - here) / (to[i] - x[i]) ** 2)
         if rises:
             added[i] = max(float(np.mean(rises)) - known - float(cost.precision[i]), 0.0)
     return replace(problem, curvature=problem.curvature + np.diag(added)) if added.any() else problem
