@@ -41,6 +41,7 @@ from updating.results.campaign import (
 )
 from updating.results.identified import Identified, assignments, every_identified, forget_choices
 from updating.results.store import kept, write_result
+from updating.results.text import in_percent
 from updating.results.what_changed import WhatChanged
 from updating.workers.workers import workers
 
@@ -383,8 +384,8 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
             " +\n".join(explanation.effects) or "none",
             f"{explanation.probability:.3f}",
             f"{100 * explanation.explained:.0f}",
-            f"{100 * explanation.frequency_error:.2g}",
-            f"{100 * explanation.left_out_error:.2g}",
+            in_percent(explanation.frequency_error),
+            in_percent(explanation.left_out_error),
         )
     return table
 

@@ -19,6 +19,7 @@ from updating.pooled.specimen import Specimen
 from updating.results.identified import assignments, every_identified
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanation_text, specimen_row
 from updating.results.store import kept
+from updating.results.text import in_percent
 from updating.workers.workers import workers
 
 
@@ -111,9 +112,9 @@ def pooled_table(diagnosis: PooledDiagnosis) -> Table:
         table.add_row(
             explanation_text(explanation),
             f"{explanation.probability:.3f}",
-            f"{100 * explanation.frequency_error:.2g}",
-            f"{100 * explanation.left_out_error:.2g}",
-            f"{100 * explanation.left_out_torque_error:.2g}",
+            in_percent(explanation.frequency_error),
+            in_percent(explanation.left_out_error),
+            in_percent(explanation.left_out_torque_error),
         )
     return table
 
