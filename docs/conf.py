@@ -25,7 +25,7 @@ def _readable(lines: list[str]) -> Iterator[str]:
             yield from lines[k:]
             return
         begins = line.startswith("    ") and k > 0 and not lines[k - 1].strip()
-        if begins and not literal:
+        if begins and not literal and not lines[max(k - 2, 0)].endswith("::"):
             yield from ("::", "")
         literal = line.startswith("    ") or (literal and not line.strip())
         if line.startswith(_ENTRIES):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -133,7 +133,7 @@ class Kind:
     why_not: Callable[[Structure], str | None]
     candidates: Callable[[Any, Vector], Candidates]
     value: Callable[[Candidates, Vector], Vector]
-    exact: Callable[[Candidates, Vector], Vector] | None = amplitude
+    exact: Callable[[Candidates, Vector], Vector] | None = field(default_factory=lambda: amplitude)
     opened: Callable[[Any, Candidates], Vector] | None = None
     whole: float = np.inf
     local: bool = True

@@ -1,7 +1,7 @@
 """Equation errors: what a model's equations of motion leave when a measured mode is put into them.
 
 Let the model have the modes Phi, eigenvalues lambda_s = omega_s**2 and rows Psi at the sensors. A measured mode r has
-lambda_r and a shape u_r = alpha (Psi a_r + n), |a_r| = 1. In modal coordinates the equations leave
+lambda_r and a shape u_r = alpha (Psi a_r + n), a_r of length 1. In modal coordinates the equations leave
 e_sr = (lambda_r - lambda_s) a_sr / (omega_s omega_r), with omega_r in place of omega_s for rigid modes. A mode that
 the model has leaves 0, and so does a mixture of two close ones: no mode is paired with any other. With K + dK and
 M + dM, e_sr changes by -phi_s' (dK - lambda_r dM) Phi a_r / (omega_s omega_r) for given a_r, whatever the size of

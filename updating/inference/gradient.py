@@ -1,7 +1,7 @@
 """The gradient of the cost, from the posterior of each measured mode's modal coordinates.
 
 The density of a measured mode, its modal coordinates a integrated out, is that of u = alpha (Psi a + n) times
-N(B a; 0, S) |det B|, where B has the equations' errors e = B a: the diagonal of the gaps in the basis of the model's
+N(B a; 0, S) abs(det B), where B has the equations' errors e = B a: the diagonal of the gaps in the basis of the model's
 modes, and dB = -Phi' (dK - lambda_r dM) Phi / (omega_s omega_r) in that basis as it stands. So (Fisher's identity) the
 derivative of its logarithm is that of the integrand, in the mean of what is known of a, mean b and covariance D:
 p' dB b + tr[(C B' P - B^-1) dB]. Here p are the errors over their covariance, P is the inverse of that covariance, and
