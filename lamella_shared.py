@@ -48,8 +48,7 @@ def exports(package: str, file: str) -> tuple[list[str], Callable[[str], Any], C
 
     def __getattr__(name: str) -> Any:
         if name not in home:
-            message = f"module {package!r} has no attribute {name!r}"
-            raise AttributeError(message)
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
         value = getattr(import_module(home[name]), name)
         setattr(sys.modules[package], name, value)  # the next time it is there
         return value
@@ -90,8 +89,7 @@ def figure_of(result: object) -> Figure:
     """Return a result as a figure; each type registers how."""
     if _load_drawers():
         return figure_of(result)
-    message = f"nothing draws a {type(result).__name__}"
-    raise TypeError(message)
+    raise TypeError(f"nothing draws a {type(result).__name__}")
 
 
 class Shown:
@@ -146,8 +144,7 @@ def readonly(
     )
     if not fits:
         expected = "(" + ", ".join("any" if e is None else str(e) for e in shape) + ")"
-        message = f"{owner}.{name}: expected shape {expected}, got {array.shape}"
-        raise ValueError(message)
+        raise ValueError(f"{owner}.{name}: expected shape {expected}, got {array.shape}")
     array.flags.writeable = False
     return array
 

@@ -26,12 +26,11 @@ def require_own_packages() -> None:
             continue
         else:
             place = found.origin
-        message = (
+        raise ImportError(
             f"Lamella needs its package {name!r}, which is in {own / name}, but Python finds {place}. Rename or move "
             "that file or folder, start from another folder, or take its folder out of PYTHONPATH; of two installed "
             "packages of one name keep Lamella in an environment of its own"
         )
-        raise ImportError(message)
 
 
 require_own_packages()

@@ -247,8 +247,7 @@ class Campaign:
             if configuration.name == name:
                 return configuration
         names = [c.name for c in self.configurations]
-        message = f"{self.path}: no configuration {name!r}; {did_you_mean(name, names)}"
-        raise CampaignError(message)
+        raise CampaignError(f"{self.path}: no configuration {name!r}; {did_you_mean(name, names)}")
 
 
 def read_campaign(path: str | Path) -> Campaign:
@@ -334,8 +333,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
     geometry, notes = geometry_of(path, folder, content.points)
     names = [c.name for c in content.configuration]
     if len(set(names)) < len(names):
-        message = f"{path}: configuration: names must be unique, found {names}"
-        raise CampaignError(message)
+        raise CampaignError(f"{path}: configuration: names must be unique, found {names}")
     configurations = tuple(_configuration(path, folder, c) for c in content.configuration)
     faults = [f"{path}: configuration {fault}" for fault in reference_faults(configurations)]
     if faults:
@@ -344,8 +342,9 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
     described = [f for s in read if not s.has_modes for group in s.files for f in group.files]
     _require_description(path, content.measurement, described)
     if content.measurement.time is None and any(group.beside > 1 for s in read for group in s.files):
-        message = f"{path}: files in inner brackets, side by side, are of time histories: they need [measurement.time]"
-        raise CampaignError(message)
+        raise CampaignError(
+            f"{path}: files in inner brackets, side by side, are of time histories: they need [measurement.time]"
+        )
     options = content.identification
     return Campaign(
         name=content.campaign.name,
@@ -389,20 +388,19 @@ def _require_description(path: Path, given: MeasurementSection, files: list[Path
     }  # fmt: skip
     stated = given.unit is not None or given.time is not None
     if ("wav" in formats) != bool(given.full_scale) or ("wav" in formats and given.time is None):
-        message = (
+        raise CampaignError(
             f"{path}: measurement: sound files (.wav) hold time histories and need 'full_scale', the value of each "
             "channel at full scale in its unit, and [measurement.time] with force_unit and response_unit"
         )
-        raise CampaignError(message)
     if "csv" in formats and (given.table is None or not stated):
-        message = f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
-        raise CampaignError(message)
+        raise CampaignError(
+            f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
+        )
     if formats & {"mat", "hdf5", "numpy", "tdms"} and (given.variables is None or not stated):
-        message = (
+        raise CampaignError(
             f"{path}: measurement: MATLAB, HDF5, NumPy and TDMS files need 'unit' and [measurement.variables] with "
             "what their variables hold; those of time histories [measurement.time] in place of 'unit'"
         )
-        raise CampaignError(message)
 
 
 def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Configuration:
@@ -506,33 +504,29 @@ def geometry_of(
     try:
         special = file.exists() and not (file.is_file() or file.is_dir())
     except OSError as error:  # such as a name that is too long
-        message = f"{path}: points.file: {given.file[:60]!r} names no file: {error.strerror}"
-        raise CampaignError(message) from error
+        raise CampaignError(
+            f"{path}: points.file: {given.file[:60]!r} names no file: {error.strerror}"
+        ) from error
     if special:
-        message = f"{path}: points.file: {given.file!r} is a pipe or a device; name a plain file"
-        raise CampaignError(message)
+        raise CampaignError(f"{path}: points.file: {given.file!r} is a pipe or a device; name a plain file")
     unit = None if given.unit is None else parse_unit(given.unit)
     if unit is not None and unit.dimension != (1, 0, 0):
-        message = f"{path}: points.unit: {given.unit!r} is not a unit of length"
-        raise CampaignError(message)
+        raise CampaignError(f"{path}: points.unit: {given.unit!r} is not a unit of length")
     if format_of(file) == "uff":
         geometry, notes = read_uff_geometry(file, unit)
     elif unit is None:
-        message = f"{path}: points.unit: a list of points needs its unit, such as unit = 'mm'"
-        raise CampaignError(message)
+        raise CampaignError(f"{path}: points.unit: a list of points needs its unit, such as unit = 'mm'")
     else:
         geometry, notes = read_points(file, unit), ()
     if geometry.node.size > most_points:
-        message = (
+        raise CampaignError(
             f"{file}: holds {geometry.node.size} points, at most {most_points} can be; leave out what was not "
             "measured"
         )
-        raise CampaignError(message)
     drawn = [pair for line in given.lines for pair in pairwise(line)]
     absent = sorted({n for pair in drawn for n in pair} - {int(n) for n in geometry.node})
     if absent:
-        message = f"{path}: points.lines: no such points: {absent}"
-        raise CampaignError(message)
+        raise CampaignError(f"{path}: points.lines: no such points: {absent}")
     pairs = [*map(tuple, geometry.line.tolist()), *drawn]
     lines = np.array(list(dict.fromkeys(pairs)), dtype=np.int64).reshape(-1, 2)
     return replace(geometry, line=lines), notes

@@ -186,8 +186,9 @@ def named_files(
         try:
             files += _named(path, folder, key, pattern)
         except OSError as error:  # such as a name that is too long
-            message = f"{path}: {key}: {pattern[:shown]!r} names no file: {error.strerror}"
-            raise CampaignError(message) from error
+            raise CampaignError(
+                f"{path}: {key}: {pattern[:shown]!r} names no file: {error.strerror}"
+            ) from error
     return tuple(dict.fromkeys(files))
 
 
@@ -207,8 +208,9 @@ def files_beside(path: Path, folder: Path, key: str, patterns: tuple[str, ...]) 
             f"({len(column)} files)"
             for pattern, column in zip(patterns, columns, strict=True)
         )
-        message = f"{path}: {key}: of files side by side, in inner brackets, each name has as many, none twice: {names}"
-        raise CampaignError(message)
+        raise CampaignError(
+            f"{path}: {key}: of files side by side, in inner brackets, each name has as many, none twice: {names}"
+        )
     return [file for row in zip(*columns, strict=True) for file in row]
 
 
@@ -223,12 +225,10 @@ def _named(path: Path, folder: Path, key: str, pattern: str) -> list[Path]:
     if not files:
         there = [f.name for f in (folder / pattern).parent.glob("*")]
         if (folder / pattern).exists() and not (folder / pattern).is_dir():
-            message = f"{path}: {key}: {pattern!r} is a pipe or a device; name plain files"
-            raise CampaignError(message)
+            raise CampaignError(f"{path}: {key}: {pattern!r} is a pipe or a device; name plain files")
         close = difflib.get_close_matches(Path(pattern).name, there, n=2)
         hint = f"; did you mean {' or '.join(close)}?" if close else ""
-        message = f"{path}: {key}: no file {pattern!r} in {folder}{hint}"
-        raise CampaignError(message)
+        raise CampaignError(f"{path}: {key}: no file {pattern!r} in {folder}{hint}")
     return files
 
 
@@ -252,11 +252,10 @@ def _dof(given: object) -> Dof:
         if numbers and len(direction) == 3 and 0 < (length := math.hypot(*direction)) < math.inf:
             x, y, z = (part / length for part in direction)
             return _possible(Dof(given["node"], (x, y, z)))
-    message = (
+    raise ValueError(
         f"{given!r} is not a DOF: write a point number with a signed direction, such as '12+z', "
         "or {node = 12, direction = [0, 0.6, 0.8]}"
     )
-    raise ValueError(message)
 
 
 def _possible(
@@ -266,8 +265,7 @@ def _possible(
     largest: int = 2**31 - 1,
 ) -> Dof:
     if not 0 <= dof.node <= largest:
-        message = f"{dof.node} is not a point number, which is 0 to {largest}"
-        raise ValueError(message)
+        raise ValueError(f"{dof.node} is not a point number, which is 0 to {largest}")
     return dof
 
 
@@ -287,11 +285,10 @@ def _several_records(given: object) -> object:
     assert isinstance(several, tuple)
     inner = [entry for entry in several if isinstance(entry, list)]
     if inner and (len(inner) < len(several) or len({len(entry) for entry in inner}) > 1):
-        message = (
+        raise ValueError(
             "names are either all text, or all lists of files side by side, each of as many, such as "
             '[["force_*.csv", "response_*.csv"]]'
         )
-        raise ValueError(message)
     return tuple(tuple(entry) if isinstance(entry, list) else entry for entry in several)
 
 
@@ -340,8 +337,9 @@ class PointsSection(Section):
     @model_validator(mode="after")
     def _of_a_file(self) -> PointsSection:
         if self.file is None and (self.unit is not None or self.lines):
-            message = "'unit' and 'lines' are of the points that 'file' lists: name it, or leave them out"
-            raise ValueError(message)
+            raise ValueError(
+                "'unit' and 'lines' are of the points that 'file' lists: name it, or leave them out"
+            )
         return self
 
 
@@ -360,29 +358,27 @@ class MeasurementSection(Section):
     @model_validator(mode="after")
     def _is_frf_unit(self) -> MeasurementSection:
         if self.unit is not None and parse_unit(self.unit).frf is None:
-            message = (
+            raise ValueError(
                 f"unit {self.unit!r} is not a response over a force, such as 'm/s2/N', 'mm/s/N', 'g/lbf'; volts are "
                 "divided by the sensor's sensitivity: 'V/N/(100 mV/g)'"
             )
-            raise ValueError(message)
         if self.time is not None and "exponential_window_s" in self.model_fields_set:
-            message = "[measurement.time] has 'response_end' for its window: leave 'exponential_window_s' out"
-            raise ValueError(message)
+            raise ValueError(
+                "[measurement.time] has 'response_end' for its window: leave 'exponential_window_s' out"
+            )
         if self.time is not None and self.unit is not None:
-            message = "[measurement.time] takes 'force_unit' and 'response_unit' in place of 'unit'"
-            raise ValueError(message)
+            raise ValueError("[measurement.time] takes 'force_unit' and 'response_unit' in place of 'unit'")
         if self.table is not None and (self.table.layout == "time") != (self.time is not None):
-            message = "layout = 'time' and [measurement.time] belong together"
-            raise ValueError(message)
+            raise ValueError("layout = 'time' and [measurement.time] belong together")
         if self.variables is not None and self.variables.history is None and self.time is not None:
-            message = (
+            raise ValueError(
                 "[measurement.time] is of time histories, and [measurement.variables] without 'history' is of files of "
                 "FRFs"
             )
-            raise ValueError(message)
         if self.variables is not None and self.variables.history is not None and self.time is None:
-            message = "'history' in [measurement.variables] needs [measurement.time] with how it is averaged"
-            raise ValueError(message)
+            raise ValueError(
+                "'history' in [measurement.variables] needs [measurement.time] with how it is averaged"
+            )
         return self
 
 
@@ -432,25 +428,21 @@ class ConfigurationSection(Section):
     @model_validator(mode="after")
     def _one_way_to_name_files(self) -> ConfigurationSection:
         if bool(self.files) == bool(self.run):
-            message = "give either 'files' or [[configuration.run]] tables"
-            raise ValueError(message)
+            raise ValueError("give either 'files' or [[configuration.run]] tables")
         if self.run and (self.output or self.input):
-            message = "'output' and 'input' belong into each [[configuration.run]] table"
-            raise ValueError(message)
+            raise ValueError("'output' and 'input' belong into each [[configuration.run]] table")
         if self.modes is not None and (self.run or self.force_level or self.output or len(self.input) > 1):
-            message = (
+            raise ValueError(
                 "modes = \"file\" takes 'files' and one 'input', the DOF of the force; 'output', run and "
                 "force_level are of functions"
             )
-            raise ValueError(message)
         return self
 
     @model_validator(mode="after")
     def _different_forces(self) -> ConfigurationSection:
         forces = [self.force_N, *(level.force_N for level in self.force_level)]
         if len(set(forces)) < len(forces):
-            message = f"force_level: the forces of one configuration must differ, found {forces} N"
-            raise ValueError(message)
+            raise ValueError(f"force_level: the forces of one configuration must differ, found {forces} N")
         return self
 
 
@@ -477,11 +469,10 @@ class IdentificationSection(Section):
     @model_validator(mode="after")
     def _ascending(self) -> IdentificationSection:
         if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1] <= _HIGHEST:
-            message = (
+            raise ValueError(
                 f"band_Hz must be [lower, upper] with 0 <= lower < upper <= {_HIGHEST:g}, found "
                 f"{list(self.band_Hz)}"
             )
-            raise ValueError(message)
         return self
 
 

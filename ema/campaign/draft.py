@@ -96,8 +96,7 @@ def draft(folder: Path) -> Draft:
         It is no folder, or holds no file that looks like a measurement; the message says what was looked for.
     """
     if not folder.is_dir():
-        message = f"{folder}: is not a folder"
-        raise CampaignError(message)
+        raise CampaignError(f"{folder}: is not a folder")
     left_out: list[str] = []
     configurations: dict[str, tuple[Contents, ...]] = {}
     places = [folder, *sorted((p for p in folder.rglob("*") if p.is_dir()), key=natural)]
@@ -115,11 +114,10 @@ def draft(folder: Path) -> Draft:
         beside = [file.name for place in places for file in sorted(place.iterdir()) if _is_beside(file)]
         left_out += [f"{', '.join(beside[:4])}: not looked into"] if beside else []
         said = f" ({'; '.join(_shortened(left_out))})" if left_out else ""
-        message = (
+        raise CampaignError(
             f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5, "
             f"NumPy and text files ({', '.join((*SUFFIXES, *_TEXT_SUFFIXES))})"
         )
-        raise CampaignError(message)
     return Draft(
         folder=folder,
         points=_points(folder, configurations),
@@ -352,8 +350,7 @@ def _universal(file: Path) -> Contents | None:
         for said, wanted in ((REAL, "complex FRFs"), (NOT_OVER_FORCE, "FRFs, response over force")):
             note = next((note for note in notes if said in note), None)
             if note is not None:
-                message = f"{file}: {said}{note.rpartition(said)[2]}; export {wanted}"
-                raise MeasurementError(message)
+                raise MeasurementError(f"{file}: {said}{note.rpartition(said)[2]}; export {wanted}")
     contents = _of_functions(
         file, functions, unstated=any(said in note for note in notes for said in (UNSTATED, OF_DATA_TYPE))
     )
@@ -374,11 +371,10 @@ def _of_functions(file: Path, functions: tuple[MeasuredFunction, ...], *, unstat
     used = frfs or [f for f in functions if f.kind == "response"]
     if not used:
         kinds = ", ".join(sorted({f.kind for f in functions}))
-        message = (
+        raise MeasurementError(
             f"{file}: holds neither FRFs (function type 4) nor time histories (type 1), only functions of kind "
             f"{kinds}: spectra or other types; export FRFs"
         )
-        raise MeasurementError(message)
     stated = {
         "output": all(f.output is not None for f in used),
         "input": all(f.input is not None for f in frfs),  # of time histories it is the DOF of the force

@@ -201,8 +201,9 @@ def write_draft(drafted: Draft, file: DraftFile) -> Path:
     """
     path = drafted.folder / NAME
     if path.exists():
-        message = f"{path}: is there already and is not overwritten; move it away to have a new one"
-        raise CampaignError(message)
+        raise CampaignError(
+            f"{path}: is there already and is not overwritten; move it away to have a new one"
+        )
     with whole(path, CampaignError) as part:
         part.write_text(file.text, encoding="utf-8")
     return path

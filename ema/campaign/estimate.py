@@ -66,11 +66,11 @@ class Averaging(BaseModel):
             or self.window != "boxcar"
             or self.overlap > 0
         ):
-            message = "before_hit_s, of hits, needs a longer 'block_s', window = 'boxcar' and no overlap"
-            raise ValueError(message)
+            raise ValueError(
+                "before_hit_s, of hits, needs a longer 'block_s', window = 'boxcar' and no overlap"
+            )
         if self.before_hit_s is not None and isinstance(self.force, tuple) and len(self.force) > 1:
-            message = "before_hit_s is for one force: a hammer hits one point at a time"
-            raise ValueError(message)
+            raise ValueError("before_hit_s is for one force: a hammer hits one point at a time")
         for key in ("force_unit", "response_unit"):
             label = getattr(self, key)
             try:
@@ -78,13 +78,13 @@ class Averaging(BaseModel):
             except MeasurementError as error:
                 raise ValueError(str(error)) from error
             if unit is not None and not (unit.is_force if key == "force_unit" else unit.motion is not None):
-                message = f"{key}: {label!r} is not a unit of {'force' if key == 'force_unit' else 'motion'}"
-                raise ValueError(message)
+                raise ValueError(
+                    f"{key}: {label!r} is not a unit of {'force' if key == 'force_unit' else 'motion'}"
+                )
         if self.block_s is not None and self.force_s is not None:
-            message = (
+            raise ValueError(
                 "force_s is of records that are one block each; it would end the force of all later blocks"
             )
-            raise ValueError(message)
         return self
 
 
@@ -149,19 +149,17 @@ def estimate_frf(
     """
     force, response = np.asarray(force, float), np.asarray(response, float)
     if force.ndim != 2 or response.ndim != 3 or response.shape[1:] != force.shape:
-        message = (
+        raise MeasurementError(
             "expected force (n_record, n_sample) and response (n_output, n_record, n_sample), "
             f"got {force.shape} and {response.shape}"
         )
-        raise MeasurementError(message)
     n_sample = force.shape[1]
     n_block, n_overlap, decay_rate = block_of(n_sample, rate, averaging)
     if averaging.force_s is not None:
         force = np.where(np.arange(n_sample) / rate <= averaging.force_s, force, 0.0)
     frequency, g_ff, g_fx, g_xx = _spectra_of_one(force, response, rate, averaging)
     if not np.all(g_ff[1:-1] > 0):
-        message = "the force is zero or not a number; no FRF can be estimated"
-        raise MeasurementError(message)
+        raise MeasurementError("the force is zero or not a number; no FRF can be estimated")
     with np.errstate(divide="ignore", invalid="ignore"):
         h1 = g_fx / g_ff
         coherence = np.nan_to_num(np.abs(g_fx) ** 2 / (g_ff * g_xx))
@@ -187,8 +185,9 @@ def block_of(n_sample: int, rate: float, averaging: Averaging) -> tuple[int, int
     """
     n_block = n_sample if averaging.block_s is None else round(averaging.block_s * rate)
     if not 2 <= n_block <= n_sample:
-        message = f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}"
+        )
     decay_rate = -np.log(averaging.response_end) * rate / n_block
     return n_block, int(averaging.overlap * n_block), float(decay_rate)
 
@@ -325,11 +324,10 @@ def cut_at_hits(value: NDArray[np.float64], n_block: int, n_before: int) -> tupl
             else:
                 blocks.append(record[:, hit : hit + n_block])
     if not blocks:
-        message = (
+        raise MeasurementError(
             f"no hit with a whole block of {n_block} samples, {n_before} of them before it, is in the records; "
             "shorten 'block_s' or 'before_hit_s', and check which channel is the force"
         )
-        raise MeasurementError(message)
     return np.array(blocks), left_out
 
 
@@ -462,16 +460,14 @@ def _averages(
     n_block, n_overlap, _ = block_of(force.shape[-1], rate, averaging)
     n_average = force.shape[1] * (1 + (force.shape[-1] - n_block) // (n_block - n_overlap))
     if averaging.estimator == "H2":
-        message = (
+        raise MeasurementError(
             f"H2 is not defined for {n_force} forces and {response.shape[0]} responses; take 'H1' or 'Hv'"
         )
-        raise MeasurementError(message)
     if n_average <= n_force:
-        message = (
+        raise MeasurementError(
             f"{n_average} averages do not tell the parts of {n_force} forces in a response; give more records, or "
             "shorter blocks by 'block_s'"
         )
-        raise MeasurementError(message)
     return n_average
 
 
@@ -506,15 +502,15 @@ def _require_independent(g_ff: NDArray[np.complex128], *, least_independent: flo
     auto = np.einsum("faa->fa", g_ff).real[1:-1]
     for k in range(auto.shape[1]):
         if not np.all(auto[:, k] > 0.0):
-            message = f"force {k + 1} of {auto.shape[1]} is zero or not a number; no FRF can be estimated"
-            raise MeasurementError(message)
+            raise MeasurementError(
+                f"force {k + 1} of {auto.shape[1]} is zero or not a number; no FRF can be estimated"
+            )
     value = np.linalg.eigvalsh(g_ff[1:-1] / np.sqrt(auto[:, :, None] * auto[:, None, :]))
     if np.median(value[:, 0]) < least_independent:
-        message = (
+        raise MeasurementError(
             f"the {auto.shape[1]} forces are the same up to a factor at most lines, so their effects are not told "
             "apart; drive the shakers with independent signals, or state one of them as the force"
         )
-        raise MeasurementError(message)
 
 
 def _total_least_squares(

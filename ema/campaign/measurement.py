@@ -95,11 +95,10 @@ def read_measurement(campaign: Campaign, name: str) -> Measurement:
     """
     configuration = campaign.configuration(name)
     if configuration.has_modes:
-        message = (
+        raise CampaignError(
             f'{campaign.path}: configuration {name!r} has modes = "file": its files hold modes, and there are no '
             "functions to identify or to pick poles in; read them with ema.read_modes"
         )
-        raise CampaignError(message)
     return _merged(campaign, configuration)
 
 
@@ -123,8 +122,9 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
         functions, n_run = _entries(campaign, files, n_run, records, notes)
         entries += functions
     if not entries:
-        message = f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
+        )
     entries = _as_one_run(configuration, entries, notes)
     _require_not_negative(entries)
     entries = _with_axis(entries, notes)
@@ -247,11 +247,10 @@ def _listed(
         return [None] * count
     if len(dofs) not in (1, count):
         names = ", ".join(f.name for f in files.files[:3])
-        message = (
+        raise CampaignError(
             f"{campaign.path}: {key}: {len(dofs)} DOFs are listed for {count} FRFs in {names}"
             f"{', ...' if len(files.files) > 3 else ''}; list one for each FRF, or one for all"
         )
-        raise CampaignError(message)
     return dofs if len(dofs) == count else dofs * count
 
 
@@ -279,18 +278,16 @@ def _corrected(
         output, force = correction.new_output or output, correction.new_input or force
     for key, dof in (("output", output), ("input", force)):
         if dof is None:
-            message = (
+            raise MeasurementError(
                 f"{function.source}: the file does not state the {key} DOF (point 0 or direction 0); "
                 f"list it in the campaign file, such as {key} = ['12+z']"
             )
-            raise MeasurementError(message)
     if function.quantity is None:
-        message = (
+        raise MeasurementError(
             f"{function.source}: the file does not state which quantity over force this FRF is; "
             "say [measurement] unit = 'm/s2/N' or what it is in the campaign file, of volts with the sensor's "
             "sensitivity: unit = 'V/N/(100 mV/g)'"
         )
-        raise MeasurementError(message)
     assert output is not None
     assert force is not None
     _require_points(campaign, function, (output, force))
@@ -314,13 +311,12 @@ def _require_points(campaign: Campaign, function: MeasuredFunction, dofs: tuple[
         return
     for role, dof in zip(("response", "force"), dofs, strict=True):
         if dof.node not in known and dof.node not in campaign.without_coordinates:
-            message = (
+            raise MeasurementError(
                 f"{function.source}: point {dof.node} of the {role} is not in {campaign.points}, which lists "
                 f"{known.size} points from {known.min()} to {known.max()}. Add it there, correct the DOF in the "
                 "campaign file ('output', 'input' or a [[correction]]), or, where nobody knows where it is, say "
                 f"without_coordinates = [{dof.node}] under [points]"
             )
-            raise MeasurementError(message)
 
 
 def _from_file(geometry: Geometry, stated: tuple[int, int] | None) -> Dof | None:
@@ -346,11 +342,10 @@ def _name(key: tuple[int, tuple[float, ...]]) -> str:
 def _require_not_negative(entries: list[_Entry]) -> None:
     for entry in entries:
         if np.any(entry.frequency < 0.0):
-            message = (
+            raise MeasurementError(
                 f"{entry.source}: the frequency axis reaches down to {np.nanmin(entry.frequency):g} Hz; export "
                 "one-sided functions, of 0 Hz and above, and check the column, the start and the step of the axis"
             )
-            raise MeasurementError(message)
 
 
 def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
@@ -365,8 +360,7 @@ def _with_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
         else:
             notes.append(f"{entry.source}: left out, its frequency axis does not ascend")
     if not good:
-        message = f"{entries[0].source}: no function has an ascending frequency axis"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{entries[0].source}: no function has an ascending frequency axis")
     return good
 
 
@@ -420,8 +414,9 @@ def _one_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
             )
     common = reference[(reference >= lower - 0.1 * step) & (reference <= upper + 0.1 * step)]
     if common.size < 2:
-        message = f"{fitting[0].source} and the other functions share fewer than two frequency lines"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{fitting[0].source} and the other functions share fewer than two frequency lines"
+        )
     if common.size < reference.size:
         notes.append(f"all functions are cropped to their common lines, {common[0]:g} to {common[-1]:g} Hz")
     cropped = []
@@ -456,12 +451,11 @@ def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
 def _require_repeat(entry: _Entry, earlier: _Entry, key: tuple[Any, Any]) -> None:
     """Refuse two parts of a structure whose points have the same numbers: neither repeats the other."""
     if entry.component != earlier.component:
-        message = (
+        raise MeasurementError(
             f"{entry.source} and {earlier.source} are both {_name(key[0])} over {_name(key[1])}, but of the components "
             f"{entry.component!r} and {earlier.component!r}: give the points of one of them other numbers, by a "
             "[[correction]] with new_output, or exclude its functions"
         )
-        raise MeasurementError(message)
 
 
 def _full_block(
@@ -532,11 +526,10 @@ def _decay_rate(entries: Sequence[_Entry], *, same_window: float = 1e-3) -> floa
     """
     slow, fast = (limit(entries, key=lambda e: e.decay_rate) for limit in (min, max))
     if fast.decay_rate > (1.0 + same_window) * slow.decay_rate:
-        message = (
+        raise MeasurementError(
             f"the exponential window adds {fast.decay_rate:.4g} 1/s to the decay rates in {fast.source} and "
             f"{slow.decay_rate:.4g} in {slow.source}; use one window, or make each a configuration"
         )
-        raise MeasurementError(message)
     return fast.decay_rate
 
 

@@ -69,14 +69,14 @@ def frfs_from_records(
     records = [channels for channels, _ in sorted_channels]
     n_force = sorted_channels[0][1]
     if any(forces != n_force for _, forces in sorted_channels):
-        message = f"{contents[0][0]} and the files averaged with it hold different numbers of forces"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{contents[0][0]} and the files averaged with it hold different numbers of forces"
+        )
     counts = {len(channels) for channels in records}
     if len(counts) > 1:
-        message = (
+        raise MeasurementError(
             f"{contents[0][0]} and the files averaged with it hold different numbers of channels: {counts}"
         )
-        raise MeasurementError(message)
     n_sample = min(channel.abscissa.size for channels in records for channel in channels)
     rate = _rate(records)
     value = np.array([[channel.value[:n_sample] for channel in channels] for channels in records])
@@ -176,11 +176,10 @@ def _force_first(
         forces = [channels[position - 1] for position in dict.fromkeys(stated)]
     responses = [f for f in channels if not any(f is force for force in forces)]
     if not forces or not responses:
-        message = (
+        raise MeasurementError(
             f"{file}: expected time histories of forces and responses, found {len(forces)} forces "
             f"among {len(channels)} time histories"
         )
-        raise MeasurementError(message)
     return forces + responses, len(forces)
 
 
@@ -215,8 +214,7 @@ def _single_hits(
         try:
             value, n_cut = cut_at_hits(value, *blocks)
         except MeasurementError as error:
-            message = f"{file}: {error}"
-            raise MeasurementError(message) from error
+            raise MeasurementError(f"{file}: {error}") from error
         notes.append(
             f"{file}: {len(value)} hits are found"
             + (f"; {n_cut} more whose block is not whole are left out" if n_cut else "")
@@ -236,11 +234,10 @@ def _single_hits(
             f"block, a second pulse of {100 * second[k]:.0f} % of the first"
         )
     if np.all(second > 0.0):
-        message = (
+        raise MeasurementError(
             f"{file}: all {len(value)} hits are double, or the next hit falls into their blocks; measure this point "
             "again, or shorten 'block_s'"
         )
-        raise MeasurementError(message)
     return value[second == 0.0]
 
 
@@ -299,8 +296,9 @@ def records_of(
     first, runs = of_sets[0]
     for file, others in of_sets:
         if len(others) != len(runs):
-            message = f"{file}: holds {len(others)} runs and {first}, which is averaged with it, {len(runs)}"
-            raise MeasurementError(message)
+            raise MeasurementError(
+                f"{file}: holds {len(others)} runs and {first}, which is averaged with it, {len(runs)}"
+            )
     return [[(file, hit) for file, hits in of_sets for hit in hits[r]] for r in range(len(runs))]
 
 
@@ -350,8 +348,9 @@ def _plain(campaign: Campaign, file: Path, notes: list[str]) -> Channels:
     if format_of(file, campaign.format) == "numpy":
         return read_data_arrays(file, campaign.unit)
     if campaign.table is None:
-        message = f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
-        raise CampaignError(message)
+        raise CampaignError(
+            f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
+        )
     return read_table(file, campaign.table, campaign.unit)
 
 
@@ -361,8 +360,9 @@ def _beside(files: list[tuple[Path, tuple[tuple[Channels, ...], ...]]]) -> tuple
     for file, more in others:
         counts = [[len(run) for run in of_force] for of_force in (records, more)]
         if counts[0] != counts[1]:
-            message = f"{file}: holds {counts[1]} hits in its runs and {first}, which belongs beside it, {counts[0]}"
-            raise MeasurementError(message)
+            raise MeasurementError(
+                f"{file}: holds {counts[1]} hits in its runs and {first}, which belongs beside it, {counts[0]}"
+            )
         records = tuple(
             tuple(_one_record(file, a, b) for a, b in zip(run, of_force, strict=True))
             for run, of_force in zip(records, more, strict=True)
@@ -379,11 +379,10 @@ def _one_record(file: Path, channels: Channels, more: Channels, *, same_start: f
         time, reference = channel.abscissa, channels[0].abscissa
         step = float(np.diff(reference).mean()) if reference.size > 1 else 0.0
         if abs(time[0] - reference[0]) > same_start * step:
-            message = (
+            raise MeasurementError(
                 f"{file}: its times begin at {time[0]:g} s, those of {channels[0].source} at {reference[0]:g} s; files "
                 "beside each other hold channels of the same record"
             )
-            raise MeasurementError(message)
     return channels + more
 
 

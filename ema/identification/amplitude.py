@@ -506,11 +506,10 @@ def ring_down(
     ended = noise < 0.1 * largest
     fits = [fit for fit in fits if fit[0] > floor * noise or not ended]
     if len(fits) < 2:
-        message = (
+        raise MeasurementError(
             f"ring-down: {signal.size} samples at {rate:g} Hz are too short, or too noisy, for a mode at "
             f"{frequency[mode]:g} Hz: {_CYCLES:g} cycles at once are fitted, and the ends are left out"
         )
-        raise MeasurementError(message)
     table = np.array(fits)
     omega = np.hypot(table[:, 1], table[:, 2])
     strongest = float(np.abs(shapes[:, mode]).max())
@@ -525,11 +524,10 @@ def ring_down(
 
 def _require_fitting(record: Vector, shape: Vector, n_frequency: int) -> None:
     if record.shape[0] != shape.shape[0] or shape.shape[1] != n_frequency:
-        message = (
+        raise MeasurementError(
             f"ring-down: {record.shape[0]} channels, shapes of {shape.shape[0]} channels and {shape.shape[1]} modes, "
             f"and {n_frequency} frequencies do not belong together"
         )
-        raise MeasurementError(message)
 
 
 def _analytic(

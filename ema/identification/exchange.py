@@ -143,8 +143,7 @@ def read_poles(path: Path) -> NDArray[np.complex128]:
     try:
         lines = plain_bytes(path).decode("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        message = f"{path}: cannot be read: {error}"
-        raise IdentificationError(message) from error
+        raise IdentificationError(f"{path}: cannot be read: {error}") from error
     poles: list[complex] = []
     for number, line in enumerate(lines, start=1):
         words = line.partition("#")[0].split()
@@ -153,20 +152,19 @@ def read_poles(path: Path) -> NDArray[np.complex128]:
         try:
             frequency, damping = (float(w) for w in words)
         except ValueError:
-            message = (
+            raise IdentificationError(
                 f"{path}, line {number}: expected a frequency in Hz and a damping ratio, got {line.strip()!r}"
-            )
-            raise IdentificationError(message) from None
+            ) from None
         if not (frequency > 0.0 and 0.0 < damping < 1.0):
-            message = (
+            raise IdentificationError(
                 f"{path}, line {number}: frequency must be above 0 Hz and the damping ratio between 0 and 1 "
                 f"(0.01 is 1 %), got {frequency:g} and {damping:g}"
             )
-            raise IdentificationError(message)
         poles.append(2.0 * np.pi * frequency * complex(-damping, np.sqrt(1.0 - damping**2)))
     if not poles:
-        message = f"{path}: holds no pole; give one a line, as frequency in Hz and damping ratio"
-        raise IdentificationError(message)
+        raise IdentificationError(
+            f"{path}: holds no pole; give one a line, as frequency in Hz and damping ratio"
+        )
     return np.array(sorted(poles, key=abs))
 
 
@@ -234,11 +232,10 @@ def to_sdypy(modal_model: ModalModel, model: Model) -> Model:
         The modal model has no residues: its modes were read from a file, and are not mass-normalised at the force.
     """
     if not np.any(modal_model.residue):
-        message = (
+        raise IdentificationError(
             f"{modal_model.name}: has no residues, which modal constants are; its modes were read from a file and are "
             "not mass-normalised at a stated force"
         )
-        raise IdentificationError(message)
     given: Any = model
     pole = modal_model.pole
     given.nat_freq, given.nat_xi = np.abs(pole) / (2.0 * np.pi), -pole.real / np.abs(pole)
@@ -292,22 +289,21 @@ def _identified(
         attribute for attribute in ("nat_freq", "nat_xi", "A") if getattr(model, attribute, None) is None
     ]
     if missing:
-        message = (
+        raise IdentificationError(
             f"{name}: the sdypy-EMA model has no {', '.join(missing)}; call get_poles(), select_closest_poles(...) and "
             "get_constants() first"
         )
-        raise IdentificationError(message)
     frequency, damping = _poles(model)
     constant = np.asarray(model.A, complex)
     if constant.shape != (n_output, frequency.size):
-        message = (
+        raise IdentificationError(
             f"{name}: the modal constants A are {' x '.join(map(str, constant.shape))}, expected {n_output} outputs x "
             f"{frequency.size} modes; give one DOF for each function, in the order of the FRFs"
         )
-        raise IdentificationError(message)
     if not (np.all((damping > 0.0) & (damping < 1.0) & (frequency > 0.0)) and np.isfinite(constant).all()):
-        message = f"{name}: a pole does not decay, or a modal constant is not finite; choose other poles"
-        raise IdentificationError(message)
+        raise IdentificationError(
+            f"{name}: a pole does not decay, or a modal constant is not finite; choose other poles"
+        )
     return frequency, damping, constant
 
 

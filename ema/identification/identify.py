@@ -113,8 +113,7 @@ def identify(
     if len(failures) == 1:
         raise failures[0].error
     if failures:
-        message = "\n".join(f"{failure.name}: {failure.error}" for failure in failures)
-        raise type(failures[0].error)(message)
+        raise type(failures[0].error)("\n".join(f"{failure.name}: {failure.error}" for failure in failures))
 
 
 def try_identify(
@@ -241,11 +240,10 @@ def _require_lines(
     `min_lines`: fewest lines that a band may hold.
     """
     if lines.frequency.size < max(min_lines, 2 * order):
-        message = (
+        raise IdentificationError(
             f"{name}: {lines.frequency.size} lines in {band[0]:g}-{band[1]:g} Hz of "
             f"{frf.frequency[0]:g}-{frf.frequency[-1]:g} Hz are too few for order {order}: widen the band"
         )
-        raise IdentificationError(message)
 
 
 def _require_modes(
@@ -260,18 +258,16 @@ def _require_modes(
     if resonant(fit.pole, band).any():
         return
     if _modes_of_conjugates(white, order, band):
-        message = (
+        raise IdentificationError(
             f"{name}: the phase rises through the resonances, as of the complex conjugates of FRFs: the sign of "
             "the imaginary part or of the phase is wrong. If that is so, write conjugate = true with 'files' and "
             "'reason' in a [[correction]] of the campaign file"
         )
-        raise IdentificationError(message)
     n_stable = stabilization(white, order=order).chosen.size if chosen is None else chosen.size
-    message = (
+    raise IdentificationError(
         f"{name}: none of {n_stable} stable poles in {band[0]:g}-{band[1]:g} Hz stands out of "
         "the noise as a mode: check the data, or give another band"
     )
-    raise IdentificationError(message)
 
 
 def _modes_of_conjugates(white: FRF, order: int, band: tuple[float, float]) -> bool:
@@ -287,11 +283,10 @@ def _require_inside(pole: NDArray[np.complex128], band: tuple[float, float], nam
     """Refuse poles chosen by hand that the band does not hold."""
     if not inside(pole, band).all():
         outside = np.abs(pole[~inside(pole, band)]) / (2.0 * np.pi)
-        message = (
+        raise IdentificationError(
             f"{name}: chosen poles at {', '.join(f'{f:.6g}' for f in outside)} Hz are not within "
             f"{band[0]:g}-{band[1]:g} Hz by a half bandwidth: widen the band or take them away"
         )
-        raise IdentificationError(message)
 
 
 def _unscaled(modal_model: ModalModel) -> tuple[str, ...]:
@@ -348,17 +343,17 @@ def _check(frf: FRF, name: str) -> None:
     """Refuse what would spoil a fit in silence."""
     step = np.diff(frf.frequency)
     if step.size == 0 or np.any(np.abs(step - np.median(step)) > 0.01 * np.median(step)):
-        message = f"{name}: the frequency lines do not ascend in even steps; resample the functions"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{name}: the frequency lines do not ascend in even steps; resample the functions"
+        )
     finite = np.isfinite(frf.value).all(axis=-1)
     silent = ~np.any(frf.value, axis=-1)
     for bad, what in ((~finite, "holds NaN or infinity"), (silent, "is zero at every line")):
         for o, i in np.argwhere(bad)[:1]:
-            message = (
+            raise MeasurementError(
                 f"{name}: the function of point {frf.output.node[o]} over point {frf.input.node[i]} "
                 f"({frf.source[o]}) {what}; exclude it from the campaign"
             )
-            raise MeasurementError(message)
 
 
 def _as_measured(
@@ -472,9 +467,8 @@ def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[
     wrong = free.real >= 0.0
     if decay_rate > 0.0 and np.any(wrong):
         hertz, decay = np.abs(pole[wrong][0]) / (2.0 * np.pi), -pole[wrong][0].real
-        message = (
+        raise IdentificationError(
             f"the mode at {hertz:.6g} Hz decays by {decay:.4g} 1/s, but the exponential window alone, as it is stated, "
             f"would add {decay_rate:.4g} 1/s; state the time constant of the window that was used"
         )
-        raise IdentificationError(message)
     return free

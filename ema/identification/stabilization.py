@@ -176,14 +176,12 @@ def _check(frequency: NDArray[np.float64], value: NDArray[np.complex128], order:
     """Refuse values that are not finite, and fewer lines than unknowns."""
     n_output, n_reference, n_frequency = value.shape
     if not np.all(np.isfinite(value)):
-        message = "LSCF needs finite values; a function holds NaN or infinity"
-        raise IdentificationError(message)
+        raise IdentificationError("LSCF needs finite values; a function holds NaN or infinity")
     if n_output * n_frequency * step < (step * order + 1) * (n_output + n_reference):
-        message = (
+        raise IdentificationError(
             f"order {order} needs more lines than the {n_frequency} in "
             f"{frequency[0]:g}-{frequency[-1]:g} Hz: lower the order or widen the band"
         )
-        raise IdentificationError(message)
 
 
 @dataclass(frozen=True, kw_only=True)

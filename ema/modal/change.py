@@ -231,15 +231,15 @@ def change(
 def _shared(states: Sequence[ModalModel], references: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
     """Return the positions of the DOFs that all have, of the references first."""
     if not states or not references:
-        message = "change: give at least one modal model of the state and one of its reference"
-        raise IdentificationError(message)
+        raise IdentificationError(
+            "change: give at least one modal model of the state and one of its reference"
+        )
     dofs = shared_dofs([*references, *states])
     if not dofs[0].size:
         names = [", ".join(model.name for model in models) for models in (states, references)]
-        message = (
+        raise IdentificationError(
             f"{' and '.join(names)} share no point and direction, so that nothing of them can be compared"
         )
-        raise IdentificationError(message)
     return dofs
 
 

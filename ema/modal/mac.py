@@ -54,8 +54,7 @@ def modal_scale_factor(a: ArrayLike, b: ArrayLike) -> NDArray[np.complex128]:
     """
     first, second = _shapes("a", a), _shapes("b", b)
     if first.shape != second.shape:
-        message = f"MSF pairs shapes one to one: got {first.shape} and {second.shape}"
-        raise ValueError(message)
+        raise ValueError(f"MSF pairs shapes one to one: got {first.shape} and {second.shape}")
     return np.sum(first.conj() * second, axis=0) / _squares("a", first)
 
 
@@ -140,22 +139,21 @@ def frac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
 def _shapes(name: str, shape: ArrayLike) -> NDArray[Any]:
     array = np.asarray(shape)
     if array.ndim != 2:
-        message = f"{name}: shapes are columns of a (n_dof, n_mode) array, got {array.ndim} dimension(s)"
-        raise ValueError(message)
+        raise ValueError(
+            f"{name}: shapes are columns of a (n_dof, n_mode) array, got {array.ndim} dimension(s)"
+        )
     return array
 
 
 def _same_dofs(a: NDArray[Any], b: NDArray[Any]) -> None:
     if a.shape[0] != b.shape[0]:
-        message = f"shapes to compare need the same DOFs: got {a.shape[0]} and {b.shape[0]}"
-        raise ValueError(message)
+        raise ValueError(f"shapes to compare need the same DOFs: got {a.shape[0]} and {b.shape[0]}")
 
 
 def _squares(name: str, shape: NDArray[Any]) -> NDArray[np.float64]:
     square = np.sum(np.abs(shape) ** 2, axis=0)
     if not np.all(square > 0.0):
-        message = f"{name}: shape {int(np.flatnonzero(~(square > 0.0))[0])} is zero or not a number"
-        raise ValueError(message)
+        raise ValueError(f"{name}: shape {int(np.flatnonzero(~(square > 0.0))[0])} is zero or not a number")
     return square
 
 

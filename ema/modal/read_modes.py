@@ -68,11 +68,10 @@ def read_modes(campaign: Campaign, name: str) -> ReadModes:
     """
     configuration = campaign.configuration(name)
     if not configuration.has_modes:
-        message = (
+        raise CampaignError(
             f'{campaign.path}: configuration {name!r}: its files hold functions; write modes = "file" where they hold '
             "modes"
         )
-        raise CampaignError(message)
     files = tuple(file for group in configuration.files for file in group.files)
     _require_no_correction(campaign, files)
     modes = _in_band(_read(files, campaign.geometry), campaign.identification.band)
@@ -178,11 +177,10 @@ def _read(files: tuple[Path, ...], geometry: Geometry) -> FoundModes:
         return joined([read_modes_uff(file, geometry) for file in files])
     if kinds == {"numpy"}:
         return joined([read_modes_numpy(file, geometry) for file in files])
-    message = (
+    raise MeasurementError(
         f"{files[0]}: modes are read from universal files (.uff, .unv), tables (.csv) or shapes of SDynPy (.npy, "
         f".npz), of one kind for a configuration; found {', '.join(file.name for file in files)}"
     )
-    raise MeasurementError(message)
 
 
 def _in_band(modes: FoundModes, band: tuple[float, float] | None) -> FoundModes:
@@ -191,11 +189,10 @@ def _in_band(modes: FoundModes, band: tuple[float, float] | None) -> FoundModes:
         return modes
     inside = (modes.frequency >= band[0]) & (modes.frequency <= band[1])
     if not inside.any():
-        message = (
+        raise MeasurementError(
             f"{modes.source}: none of its modes, from {modes.frequency.min():.5g} to {modes.frequency.max():.5g} Hz, "
             f"lies in band_Hz = [{band[0]:g}, {band[1]:g}] of the campaign file"
         )
-        raise MeasurementError(message)
     names = ("frequency", "damping", "frequency_std", "damping_std", "shape_std", "scaled")
     kept = {name: getattr(modes, name)[inside] for name in names}
     return replace(modes, shape=modes.shape[:, inside], **kept)
@@ -282,21 +279,19 @@ def _require_listed(campaign: Campaign, modes: FoundModes) -> None:
     absent = {int(n) for n in modes.node} - {int(n) for n in campaign.geometry.node}
     absent -= set(campaign.without_coordinates)
     if absent:
-        message = (
+        raise MeasurementError(
             f"{modes.source}: shapes at points {sorted(absent)[:20]}, which are not in {campaign.points}; add them "
             "there, or list them in points.without_coordinates"
         )
-        raise MeasurementError(message)
 
 
 def _require_no_correction(campaign: Campaign, files: tuple[Path, ...]) -> None:
     for correction in campaign.corrections:
         if set(correction.files) <= set(files):
-            message = (
+            raise CampaignError(
                 f"{campaign.path}: correction ({correction.reason}): corrects single functions, and {files[0].name} "
                 "holds modes; correct it in the program that wrote it"
             )
-            raise CampaignError(message)
 
 
 def _read_note(files: tuple[Path, ...]) -> str:

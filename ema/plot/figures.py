@@ -295,11 +295,10 @@ def pick_poles(diagram: StabilizationDiagram) -> NDArray[np.complex128]:
     import matplotlib.pyplot as plt
 
     if mpl.get_backend().lower() in ("agg", "pdf", "svg", "ps", "cairo", "template"):
-        message = (
+        raise IdentificationError(
             "no display to show the chart on: choose the poles in the browser (lamella open, room Identification), or "
             "edit the poles.txt that lamella ema wrote"
         )
-        raise IdentificationError(message)
     figure = plt.figure(figsize=(10.0, 6.0), layout="constrained")
     picker = PolePicker(diagram, stabilization_figure(diagram, figure))
     plt.show(block=True)

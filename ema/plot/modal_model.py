@@ -94,8 +94,9 @@ def turnable(modal_model: ModalModel, mode: int, *, off_screen: bool | None = No
 
     n = modal_model.frequency.size
     if not 0 <= mode < n:
-        message = f"mode = {mode}: the modes of {modal_model.name} are numbered from 0 to {n - 1}"
-        raise IdentificationError(message)
+        raise IdentificationError(
+            f"mode = {mode}: the modes of {modal_model.name} are numbered from 0 to {n - 1}"
+        )
     moved = shape_displacement(modal_model, mode)
     rest, line = modal_model.geometry.coordinate, trace_rows(modal_model.geometry)
     cells = np.column_stack([np.full(len(line), 2), line]).ravel()

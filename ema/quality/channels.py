@@ -98,8 +98,7 @@ def usable(measurement: Measurement, verdicts: tuple[Verdict, ...]) -> Measureme
     keep[[c for v in failed for c in v.channel]] = False
     if whole or not keep.any():
         reasons = "\n".join(whole or [v.message for v in failed])
-        message = f"configuration {measurement.name!r} cannot be used:\n{reasons}"
-        raise MeasurementError(message)
+        raise MeasurementError(f"configuration {measurement.name!r} cannot be used:\n{reasons}")
     frf = measurement.frf if keep.all() else measurement.frf.outputs(keep)
     force = measurement.frf.input
     turned = np.isin(np.arange(force.node.size), [j for v in verdicts for j in v.force])

@@ -119,11 +119,10 @@ def check_linearity(
         else None
     )
     if difference is not None:
-        message = (
+        raise MeasurementError(
             f"{first.name!r} and {second.name!r} cannot be compared for linearity: they do not share {difference}; "
             "measure the force levels with the same points and the same spectrum settings"
         )
-        raise MeasurementError(message)
     highest = max(frf.quantity, other.quantity, key=lambda quantity: DERIVATIVE[quantity])
     frf, other = frf.convert(highest), other.convert(highest)
     verdicts = tuple(_resonances(first.name, second.name, frf, rows, other, its))

@@ -58,8 +58,7 @@ class FRF:
 
     def __post_init__(self) -> None:
         if len(self.source) != self.output.node.size:
-            message = f"FRF.source: expected {self.output.node.size} entries, got {len(self.source)}"
-            raise ValueError(message)
+            raise ValueError(f"FRF.source: expected {self.output.node.size} entries, got {len(self.source)}")
 
     def band(self, lower: float, upper: float) -> FRF:
         """Return the lines with ``lower <= frequency <= upper`` (Hz)."""

@@ -44,8 +44,7 @@ class Geometry:
         object.__setattr__(self, "axes", readonly("Geometry", "axes", axes, (node.size, 3, 3)))
         if np.unique(node).size != node.size:
             repeated = sorted({int(n) for n in node if np.count_nonzero(node == n) > 1})
-            message = f"Geometry.node: point numbers must be unique, repeated: {repeated}"
-            raise ValueError(message)
+            raise ValueError(f"Geometry.node: point numbers must be unique, repeated: {repeated}")
 
     def direction(self, node: int, code: int) -> tuple[float, float, float]:
         """Return the global unit vector of a signed local direction: 1, 2, 3 for +x, +y, +z, negative for -.

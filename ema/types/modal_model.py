@@ -236,8 +236,9 @@ def synthesize(
     s = 2j * np.pi * np.asarray(frequency, dtype=float)
     exponent = DERIVATIVE[quantity]
     if exponent < 2 and np.any(s == 0.0):
-        message = f"{quantity} has no value at 0 Hz: its lower residual term is singular; ask for lines above"
-        raise IdentificationError(message)
+        raise IdentificationError(
+            f"{quantity} has no value at 0 Hz: its lower residual term is singular; ask for lines above"
+        )
     pole = np.concatenate([modal_model.pole, modal_model.outside_pole])[:, None]
     residue = np.concatenate([modal_model.residue, modal_model.outside_residue], axis=-1)
     terms = [residue, residue.conj(), modal_model.lower[..., None], modal_model.upper[..., None]]

@@ -153,11 +153,10 @@ def press(stack: Stack) -> PressureField:
     pressure, _ = problem.contact(w)
     highest, end = float(pressure[~law.is_layer].max(initial=0.0)), float(pressing.curve.pressure[-1])
     if highest > end:
-        message = (
+        raise StackError(
             f"the pressure reaches {highest / 1e3:.4g} kPa, but the compression curve ends at {end / 1e3:.4g} kPa; "
             "measure the curve farther, or spread the clamps' force by plates or wider footprints"
         )
-        raise StackError(message)
     one = plan.interpolate("w", (1.0, 0.0, 0.0))
     closing = law.strain_at(stack.contact.pressure) * law.spacing
     heights = np.concatenate([[0.0], -np.cumsum(closing)])
@@ -176,11 +175,13 @@ def press(stack: Stack) -> PressureField:
 def _pressing_of(stack: Stack) -> Pressing:
     pressing = stack.pressing
     if not isinstance(pressing, Pressing):
-        message = "the stack says nothing about how it is pressed; give it a Pressing (table [pressing])"
-        raise StackError(message)
+        raise StackError(
+            "the stack says nothing about how it is pressed; give it a Pressing (table [pressing])"
+        )
     if stack.n_lamina < 2 or sum(clamp.share for clamp in stack.clamps) <= 0.0:
-        message = "the static stage needs at least two laminas and one clamp with a share of the force"
-        raise StackError(message)
+        raise StackError(
+            "the static stage needs at least two laminas and one clamp with a share of the force"
+        )
     return pressing
 
 
@@ -268,8 +269,9 @@ def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[fl
                 break
             length /= 2.0
         w, tangent, residual = trial, trial_tangent, trial_residual
-    message = f"the static stage did not converge in {max_newton} Newton steps; residual {residuals[-1]:.2g}"
-    raise SolveError(message)
+    raise SolveError(
+        f"the static stage did not converge in {max_newton} Newton steps; residual {residuals[-1]:.2g}"
+    )
 
 
 def _conjugate_gradients(

@@ -48,8 +48,7 @@ class SlipLaw:
 
     def __post_init__(self) -> None:
         if not (self.friction > 0.0 and self.exponent > -1.0 and self.spike >= 0.0):
-            message = f"{self}: friction must be above 0, the exponent above -1, the spike 0 or above"
-            raise ValueError(message)
+            raise ValueError(f"{self}: friction must be above 0, the exponent above -1, the spike 0 or above")
 
     @property
     def _power(self) -> tuple[float, float]:

@@ -35,8 +35,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the mass of one kilogram at each place, with its share of what lies elsewhere."""
     stack = assembly.stack
     if stack.outline is not None:
-        message = "added_mass: its location is looked for on a rectangle, and an outline is none"
-        raise EffectError(message)
+        raise EffectError("added_mass: its location is looked for on a rectangle, and an outline is none")
     longer = max(stack.length, stack.width)
     n_x, n_y = (max(_FEWEST, round(1 + (_LONG - 1) * side / longer)) for side in (stack.length, stack.width))
     mean = mean_lamina(stack)

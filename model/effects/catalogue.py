@@ -40,8 +40,7 @@ def catalogue(files: Iterable[Path] = ()) -> dict[str, Effect]:
     found: dict[str, Effect] = {}
     for effect in (*shipped(), *installed, *map(read_effect, files)):
         if effect.name in found:
-            message = f"two effects have the name {effect.name!r}; rename one of them"
-            raise EffectError(message)
+            raise EffectError(f"two effects have the name {effect.name!r}; rename one of them")
         found[effect.name] = effect
     return found
 
@@ -67,17 +66,16 @@ def read_effect(path: Path) -> Effect:
     path = Path(path)
     spec = importlib.util.spec_from_file_location(f"lamella_effect_{path.stem}", path)
     if not path.is_file() or spec is None or spec.loader is None:
-        message = f"{path}: not a Python file that can be read; give one that ends in EFFECT = Effect(...)"
-        raise EffectError(message)
+        raise EffectError(
+            f"{path}: not a Python file that can be read; give one that ends in EFFECT = Effect(...)"
+        )
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
     except EffectError as error:
-        message = f"{path}: {error}"
-        raise EffectError(message) from error
+        raise EffectError(f"{path}: {error}") from error
     except Exception as error:  # whatever the user's own code raises
-        message = f"{path}: {type(error).__name__}: {error}"
-        raise EffectError(message) from error
+        raise EffectError(f"{path}: {type(error).__name__}: {error}") from error
     return _effect_of(module, str(path))
 
 
@@ -94,8 +92,7 @@ def find_effects(names: Iterable[str], known: dict[str, Effect] | None = None) -
         if name not in known:
             close = difflib.get_close_matches(name, known, n=3)
             hint = f"did you mean {' or '.join(close)}?" if close else f"there are {', '.join(sorted(known))}"
-            message = f"no effect {name!r}; {hint}"
-            raise EffectError(message)
+            raise EffectError(f"no effect {name!r}; {hint}")
     return tuple(known[name] for name in names)
 
 
@@ -115,13 +112,11 @@ def printed_effects(names: Iterable[str], known: Mapping[str, Effect] | None = N
 
 def _effect_of(module: ModuleType, where: str) -> Effect:
     if not hasattr(module, "EFFECT"):
-        message = f"{where}: has no EFFECT; an effect file ends in EFFECT = Effect(...)"
-        raise EffectError(message)
+        raise EffectError(f"{where}: has no EFFECT; an effect file ends in EFFECT = Effect(...)")
     return _checked(module.EFFECT, where)
 
 
 def _checked(effect: object, where: str) -> Effect:
     if not isinstance(effect, Effect):
-        message = f"{where}: EFFECT is a {type(effect).__name__}; it must be a model.Effect"
-        raise EffectError(message)
+        raise EffectError(f"{where}: EFFECT is a {type(effect).__name__}; it must be a model.Effect")
     return effect

@@ -43,8 +43,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     stack = assembly.stack
     clamps = sorted(clamps_of(assembly, "loose_clamp"), key=lambda clamp: (clamp.x, clamp.y))
     if len(clamps) < 2:
-        message = "loose_clamp: a single clamp that presses less is a lower pressure"
-        raise EffectError(message)
+        raise EffectError("loose_clamp: a single clamp that presses less is a lower pressure")
 
     def cone(clamp: Clamp) -> tuple[float, float]:
         x, y = (0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint)

@@ -34,10 +34,9 @@ def clamps_of(assembly: Assembly, effect: str) -> tuple[Clamp, ...]:
         It has none.
     """
     if not assembly.stack.clamps:
-        message = (
+        raise EffectError(
             f"{effect}: the stack has no clamps; add [[clamps]] to its file, with mass_kg = 0 if need be"
         )
-        raise EffectError(message)
     return assembly.stack.clamps
 
 

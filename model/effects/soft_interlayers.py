@@ -30,8 +30,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return what the contact of the two interfaces loses."""
     n = assembly.stack.n_lamina - 1
     if n < 1:
-        message = "soft_interlayers: the stack has one lamina, and no interface"
-        raise EffectError(message)
+        raise EffectError("soft_interlayers: the stack has one lamina, and no interface")
     field = contact_fields(assembly.stack, assembly.plan)
     share = np.zeros(n)
     share[[n // 3, (2 * n) // 3]] = 1.0

@@ -43,8 +43,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
             factor = Formula(partial(_softening, name=name, stiffness=motion.stiffness * width))
             found.append(Term(name=what, target="K", factor=factor, krons=(motion.kron,)))
     if not found:
-        message = "support_compliance: the stack has no supports; add [[supports]] to its file"
-        raise EffectError(message)
+        raise EffectError("support_compliance: the stack has no supports; add [[supports]] to its file")
     return tuple(found)
 
 

@@ -296,8 +296,7 @@ class Assembly:
         for term in self.terms:
             if term.name == name:
                 return term
-        message = f"no term {name!r}; there are {', '.join(term.name for term in self.terms)}"
-        raise SolveError(message)
+        raise SolveError(f"no term {name!r}; there are {', '.join(term.name for term in self.terms)}")
 
     def with_terms(self, terms: tuple[Term, ...], theta: Mapping[str, float]) -> Assembly:
         """Return the assembly with further terms and the nominal values of their parameters."""

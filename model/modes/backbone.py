@@ -182,8 +182,7 @@ def backbone(
     wanted, theta = _ascending(amplitude), _steady(full_parameters(system, G_f, d_f, parameters))
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, system.size)
     if not 0 <= mode < system.size - n_rigid:
-        message = f"mode = {mode}: elastic modes are numbered from 0 to {system.size - n_rigid - 1}"
-        raise SolveError(message)
+        raise SolveError(f"mode = {mode}: elastic modes are numbered from 0 to {system.size - n_rigid - 1}")
     taken = slice(n_rigid, n_rigid + mode + 1 + n_beside)
     own, vectors = eigenvalues[taken], vectors[:, taken]
     viscous = vectors.T @ system.matrix("C", theta) @ vectors
@@ -206,18 +205,16 @@ def backbone(
 
 def _steady(theta: dict[str, float]) -> dict[str, float]:
     if OMEGA in theta:
-        message = (
+        raise SolveError(
             "a mode over amplitude is not solved beside effects that depend on frequency; leave them out"
         )
-        raise SolveError(message)
     return theta
 
 
 def _ascending(amplitude: Vector) -> Vector:
     wanted = np.asarray(amplitude, dtype=float)
     if wanted.ndim != 1 or not np.all(wanted >= 0.0) or np.any(np.diff(wanted) < 0.0):
-        message = f"amplitudes must be 0 or above and ascend, got {amplitude}"
-        raise SolveError(message)
+        raise SolveError(f"amplitudes must be 0 or above and ascend, got {amplitude}")
     return wanted
 
 
@@ -281,8 +278,9 @@ def _followed(
     if found is not None:
         return found
     if depth == most_halves:
-        message = f"at a modal amplitude of {a:g} m sqrt(kg) so much slips that the mode cannot be followed"
-        raise SolveError(message)
+        raise SolveError(
+            f"at a modal amplitude of {a:g} m sqrt(kg) so much slips that the mode cannot be followed"
+        )
     halfway = np.sqrt(max(before[0], first_step * a) * a)
     middle = _followed(eigenvalues, contact, float(halfway), before, depth + 1)
     return _followed(eigenvalues, contact, a, middle, depth + 1)
@@ -328,5 +326,6 @@ def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[floa
         value, u = value + step[-1], u + step[:-1]
         if abs(step[-1]) <= settled_loss * abs(value):
             return value
-    message = f"at a modal amplitude of {a:g} m sqrt(kg) so much is lost that the mode does not settle"
-    raise SolveError(message)
+    raise SolveError(
+        f"at a modal amplitude of {a:g} m sqrt(kg) so much is lost that the mode does not settle"
+    )

@@ -398,8 +398,7 @@ class _OverFrequency:
                 slope[target] += factor.derivative(here, OMEGA) * share
             if not min(value.values()) > 0.0:
                 hertz = omega / 2.0 / np.pi
-                message = f"the stiffness at {here} is negative for a mode near {hertz:.6g} Hz"
-                raise SolveError(message)
+                raise SolveError(f"the stiffness at {here} is negative for a mode near {hertz:.6g} Hz")
             next_one = float(np.sqrt(value["K"] / value["M"]))
             growth = 0.5 * next_one * (slope["K"] / value["K"] - slope["M"] / value["M"])
             stretch = (next_one - omega) / (1.0 - min(growth, most_growth))
@@ -450,8 +449,9 @@ class _Settled:
             shape = better / np.sqrt(better @ mass @ better)
         else:
             hertz = omega / 2 / np.pi
-            message = f"mode {mode}: its frequency-dependent stiffness does not settle near {hertz:.6g} Hz"
-            raise SolveError(message)
+            raise SolveError(
+                f"mode {mode}: its frequency-dependent stiffness does not settle near {hertz:.6g} Hz"
+            )
         near = np.abs(eigenvalues - eigenvalues[mode]) < twin * eigenvalues[mode]
         return cls(
             theta={**moving.theta, OMEGA: omega},

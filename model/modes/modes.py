@@ -60,11 +60,10 @@ class Observation:
         length = np.linalg.norm(self.direction, axis=1)
         if np.any(np.abs(length - 1.0) > 1e-6):
             worst = int(np.argmax(np.abs(length - 1.0)))
-            message = (
+            raise ValueError(
                 f"Observation.direction: expected unit vectors, got length {length[worst]:.6g} "
                 f"at index {worst} (node {self.node[worst]})"
             )
-            raise ValueError(message)
 
 
 def sample_points(
@@ -133,8 +132,9 @@ def observe(system: ReducedEquations, observation: Observation | Observed) -> Ob
     if isinstance(observation, Observed):
         return observation
     if not isinstance(system, ReducedSystem):
-        message = "observe: these equations alone know no points; tie the observation to their ReducedSystem"
-        raise TypeError(message)
+        raise TypeError(
+            "observe: these equations alone know no points; tie the observation to their ReducedSystem"
+        )
     sampled, _ = sample_points(system.stack, observation.location)
     lamina = nearest_lamina(system.stack, sampled[:, 2])
     parts = [
@@ -342,17 +342,18 @@ def reduced_eigenpairs(
         More modes are asked for than the reduced system has, the stiffness is negative, or the mass is not positive.
     """
     if not 0 < n_mode <= system.size:
-        message = f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
-        raise SolveError(message)
+        raise SolveError(
+            f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
+        )
     try:
         eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
     except la.LinAlgError as error:
-        message = f"the mass at {theta} is not positive"
-        raise SolveError(message) from error
+        raise SolveError(f"the mass at {theta} is not positive") from error
     rigid_limit = _rigid_limit(system, theta, eigenvalues)
     if eigenvalues[0] < -rigid_limit:
-        message = f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
-        raise SolveError(message)
+        raise SolveError(
+            f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
+        )
     return eigenvalues, vectors, int(np.count_nonzero(eigenvalues[:n_mode] < rigid_limit))
 
 
@@ -374,8 +375,7 @@ def full_parameters(
     given = {} if parameters is None else dict(parameters)
     unknown = sorted(set(given) - set(system.theta))
     if unknown:
-        message = f"unknown parameters {', '.join(unknown)}; the system has {', '.join(system.theta)}"
-        raise SolveError(message)
+        raise SolveError(f"unknown parameters {', '.join(unknown)}; the system has {', '.join(system.theta)}")
     return {**system.theta, **given, "G_f": G_f, "d_f": d_f}
 
 
@@ -459,12 +459,10 @@ def mode_surface(system: ReducedSystem, modes: Modes, mode: int, *, lamina: Sequ
     """
     stack, assembly = system.stack, system.assembly
     if not 0 <= mode < modes.frequency.size:
-        message = f"mode = {mode}: the modes are numbered from 0 to {modes.frequency.size - 1}"
-        raise SolveError(message)
+        raise SolveError(f"mode = {mode}: the modes are numbered from 0 to {modes.frequency.size - 1}")
     chosen = np.asarray(lamina, dtype=np.intp)
     if chosen.size == 0 or chosen.min() < -stack.n_lamina or chosen.max() >= stack.n_lamina:
-        message = f"lamina = {list(lamina)}: the laminas are numbered from 0 to {stack.n_lamina - 1}"
-        raise SolveError(message)
+        raise SolveError(f"lamina = {list(lamina)}: the laminas are numbered from 0 to {stack.n_lamina - 1}")
     chosen = chosen % stack.n_lamina
     mesh = assembly.plan.membrane.mesh
     point = mesh.p.T

@@ -107,13 +107,11 @@ def _with_attachments(
 
 def _require_sound(quantity: str, frequency: NDArray[np.float64]) -> None:
     if quantity not in get_args(Quantity):
-        message = f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}"
-        raise SolveError(message)
+        raise SolveError(f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}")
     if frequency.size and not frequency.min() > 0.0:
-        message = (
+        raise SolveError(
             f"frequencies must be positive: a free stack has no static response; got {frequency.min():g} Hz"
         )
-        raise SolveError(message)
 
 
 def _bordered(inner: NDArray[np.float64], added: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -430,11 +430,11 @@ def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str,
         if name not in theta:
             near = difflib.get_close_matches(name, theta, n=1)
             hint = f"; did you mean {near[0]}?" if near else f"; there are {', '.join(theta)}"
-            message = f"ranges: unknown parameter {name!r}{hint}"
-            raise SolveError(message)
+            raise SolveError(f"ranges: unknown parameter {name!r}{hint}")
         if not low < high:
-            message = f"ranges: {name} must reach from a lower to a higher value, got {low:g} to {high:g}"
-            raise SolveError(message)
+            raise SolveError(
+                f"ranges: {name} must reach from a lower to a higher value, got {low:g} to {high:g}"
+            )
 
 
 def _samples(

@@ -119,8 +119,7 @@ def lowest_modes(
         if (steady and step >= min_steps) or _exhausted(blocks, image, mass, known, n_mode - now.size):
             return now - shift, _combined(blocks, vectors[:, ::-1][:, : start.shape[1]])
         before = now
-    message = f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps"
-    raise SolveError(message)
+    raise SolveError(f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps")
 
 
 def _exhausted(
@@ -138,8 +137,7 @@ def _exhausted(
     if blocks[-1][0].shape[1]:
         return False
     if missing > 0:
-        message = f"the model has no more than {n} modes; ask for fewer, or refine its mesh"
-        raise SolveError(message)
+        raise SolveError(f"the model has no more than {n} modes; ask for fewer, or refine its mesh")
     return True
 
 
@@ -158,8 +156,9 @@ def _grown(projected: Vectors, coupling: Vectors) -> Vectors:
     grown[known:] = coupling.T
     grown = (grown + grown.T) / 2.0
     if not np.isfinite(grown).all():
-        message = "the model's numbers overflow; check the size of its stiffnesses, of contact above all"
-        raise SolveError(message)
+        raise SolveError(
+            "the model's numbers overflow; check the size of its stiffnesses, of contact above all"
+        )
     return grown
 
 

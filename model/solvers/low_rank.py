@@ -50,10 +50,9 @@ def levels(pattern: sp.csr_matrix, start: NDArray[np.intp]) -> list[NDArray[np.i
         groups.append(reached[~seen[reached]])
         seen[reached] = True
     if not seen.all():
-        message = (
+        raise SolveError(
             f"the plan falls into parts: {np.count_nonzero(~seen)} unknowns are not connected to the rest"
         )
-        raise SolveError(message)
     result = [groups[-2]]
     for group in groups[-3::-1]:
         coupled = np.isin(group, pattern[result[-1]].indices)
@@ -116,11 +115,10 @@ def factorize(columns: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]
             symmetric = la.blas.dsyrk(-1.0, below[-1], beta=1.0, c=symmetric, lower=1, overwrite_c=1)
         lower, failed = la.lapack.dpotrf(symmetric, lower=1, overwrite_a=1)
         if failed:
-            message = (
+            raise SolveError(
                 "the shifted stiffness matrix is not positive definite; check for mass or stiffness that is negative, "
                 "or so small, as of contact or interlayers, that the model is singular"
             )
-            raise SolveError(message)
         inverse.append(la.lapack.dtrtri(lower, lower=1, overwrite_c=1)[0])
         n_free = block.shape[0] - coupling.shape[0]
         if coupling.size:

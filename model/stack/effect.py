@@ -70,24 +70,25 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
-            message = f"parameter name {self.name!r}: must be one word of letters, digits and underscores"
-            raise EffectError(message)
+            raise EffectError(
+                f"parameter name {self.name!r}: must be one word of letters, digits and underscores"
+            )
         if not self.unit or not self.source:
-            message = f'parameter {self.name}: unit and source must be stated ("1" for a plain number)'
-            raise EffectError(message)
+            raise EffectError(
+                f'parameter {self.name}: unit and source must be stated ("1" for a plain number)'
+            )
         if not self.lower < self.upper:
-            message = f"parameter {self.name}: lower {self.lower:g} must be below upper {self.upper:g}"
-            raise EffectError(message)
+            raise EffectError(
+                f"parameter {self.name}: lower {self.lower:g} must be below upper {self.upper:g}"
+            )
         for name in ("nominal", "neutral"):
             if not self.lower <= getattr(self, name) <= self.upper:
-                message = (
+                raise EffectError(
                     f"parameter {self.name}: {name} {getattr(self, name):g} lies outside its range, "
                     f"{self.lower:g} to {self.upper:g}"
                 )
-                raise EffectError(message)
         if self.scale not in get_args(Scale):
-            message = f"parameter {self.name}: scale must be 'lin' or 'log', got {self.scale!r}"
-            raise EffectError(message)
+            raise EffectError(f"parameter {self.name}: scale must be 'lin' or 'log', got {self.scale!r}")
 
     @property
     def is_location(self) -> bool:
@@ -156,14 +157,15 @@ class Effect:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
-            message = f"effect name {self.name!r}: must be one word of letters, digits and underscores"
-            raise EffectError(message)
+            raise EffectError(
+                f"effect name {self.name!r}: must be one word of letters, digits and underscores"
+            )
         if self.family not in get_args(Family):
-            message = f"effect {self.name}: family must be one of {', '.join(get_args(Family))}, got {self.family!r}"
-            raise EffectError(message)
+            raise EffectError(
+                f"effect {self.name}: family must be one of {', '.join(get_args(Family))}, got {self.family!r}"
+            )
         if not self.parameters:
-            message = f"effect {self.name}: needs at least one parameter"
-            raise EffectError(message)
+            raise EffectError(f"effect {self.name}: needs at least one parameter")
 
     @property
     def printed(self) -> str:
@@ -199,9 +201,8 @@ def shared_parameters(effects: Iterable[Effect]) -> dict[str, Parameter]:
                     for key in ("unit", "nominal", "lower", "upper", "neutral", "scale", "source")
                     if getattr(other[1], key) != getattr(parameter, key)
                 ]
-                message = (
+                raise EffectError(
                     f"effects {other[0].name} and {effect.name} share the parameter {parameter.name} but do not "
                     f"agree: {'; '.join(differing)}"
                 )
-                raise EffectError(message)
     return {name: parameter for name, (_, parameter) in found.items()}

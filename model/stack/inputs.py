@@ -50,30 +50,26 @@ class CompressionCurve:
         least_rise = 1e-12  # from point to point, of the largest value: less is rounding, and divided by
         n = self.strain.size
         if n < 3:
-            message = f"compression curve: {n} points; at least 3 are needed"
-            raise StackError(message)
+            raise StackError(f"compression curve: {n} points; at least 3 are needed")
         if self.strain[0] != 0.0 or self.pressure[0] != 0.0:
-            message = (
+            raise StackError(
                 f"compression curve: the first point is ({self.strain[0]:g}, {self.pressure[0]:g} Pa); it must "
                 "be (0, 0), where the sheets begin to touch. Shift the strain or add that point."
             )
-            raise StackError(message)
         for name in ("strain", "pressure"):
             endless = np.flatnonzero(~np.isfinite(getattr(self, name)))
             if endless.size:
-                message = (
+                raise StackError(
                     f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not"
                 )
-                raise StackError(message)
             values = getattr(self, name)
             falls = np.flatnonzero(~(np.diff(values) > least_rise * np.abs(values).max()))
             if falls.size:
                 row = int(falls[0]) + 1
-                message = (
+                raise StackError(
                     f"compression curve: {name} must rise from point to point, by {least_rise:g} of the largest or "
                     f"more, but point {row + 1} has {values[row]:g} after {values[row - 1]:g}"
                 )
-                raise StackError(message)
 
     def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
         slope = scipy.interpolate.PchipInterpolator(self.strain, self.pressure).derivative()(self.strain)
@@ -104,11 +100,10 @@ class CompressionCurve:
             The pressure lies outside the curve.
         """
         if not 0.0 <= pressure <= self.pressure[-1]:
-            message = (
+            raise StackError(
                 f"the compression curve ends at {self.pressure[-1] / 1e3:g} kPa and says nothing about "
                 f"{pressure / 1e3:g} kPa"
             )
-            raise StackError(message)
         return float(self._spline().solve(pressure, extrapolate=False)[0])
 
 
@@ -126,35 +121,30 @@ def read_curve(path: str | Path) -> CompressionCurve:
     try:
         lines = plain_text(path).splitlines()
     except (OSError, ValueError) as error:
-        message = f"{path}: cannot be read ({getattr(error, 'strerror', error)})"
-        raise StackError(message) from error
+        raise StackError(f"{path}: cannot be read ({getattr(error, 'strerror', error)})") from error
     rows = csv.DictReader(line for line in lines if not line.lstrip().startswith("#"))
     try:
         values = _values(path, rows)
     except csv.Error as error:
-        message = f"{path}: row {rows.line_num}: {error}"
-        raise StackError(message) from error
+        raise StackError(f"{path}: row {rows.line_num}: {error}") from error
     table = np.array(values).reshape(-1, 2)
     try:
         return CompressionCurve(strain=table[:, 0], pressure=table[:, 1] * 1e3)
     except StackError as error:
-        message = f"{path}: {error}"
-        raise StackError(message) from error
+        raise StackError(f"{path}: {error}") from error
 
 
 def _values(path: Path, rows: csv.DictReader[str]) -> list[list[float]]:
     most_shown = 100  # characters of a row in a message
     missing = [name for name in _COLUMNS if name not in (rows.fieldnames or ())]
     if missing:
-        message = f"{path}: column {missing[0]} is missing; the columns are {', '.join(_COLUMNS)}"
-        raise StackError(message)
+        raise StackError(f"{path}: column {missing[0]} is missing; the columns are {', '.join(_COLUMNS)}")
     values = list[list[float]]()
     for i, row in enumerate(rows):
         try:
             values.append([float(row[name]) for name in _COLUMNS])
         except (TypeError, ValueError) as error:
-            message = (
+            raise StackError(
                 f"{path}: row {i + 1}: {', '.join(_COLUMNS)} must be numbers, got {str(row)[:most_shown]}"
-            )
-            raise StackError(message) from error
+            ) from error
     return values

@@ -49,17 +49,15 @@ class Triangulation:
         corners = readonly("Triangulation", "triangle", self.triangle, (None, 3), int)
         object.__setattr__(self, "triangle", corners)
         if corners.size == 0 or np.unique(corners).size != len(self.point):
-            message = "mesh: it has no triangles, or points that belong to none"
-            raise StackError(message)
+            raise StackError("mesh: it has no triangles, or points that belong to none")
         angle = smallest_angle(self.point, corners)
         worst = int(np.argmin(angle))
         if angle[worst] < least_angle:
             x, y = self.point[corners[worst]].mean(axis=0)
-            message = (
+            raise StackError(
                 f"mesh: the triangle at ({x:g}, {y:g}) m has an angle of {angle[worst]:.2g} degrees; at least "
                 f"{least_angle:g} are needed. Refine the mesh there (more elements, or drop tiny details)."
             )
-            raise StackError(message)
 
     @property
     def area(self) -> float:
@@ -100,15 +98,12 @@ class Outline:
             *((f"holes[{i}]", h) for i, h in enumerate(holes)),
         ):
             if len(polygon) < 3:
-                message = f"outline: {name} has {len(polygon)} corners; a polygon needs at least 3"
-                raise StackError(message)
+                raise StackError(f"outline: {name} has {len(polygon)} corners; a polygon needs at least 3")
             if not np.all(np.abs(polygon) < _LARGEST):
-                message = f"outline: {name} has corners that are not within {_LARGEST:g} m"
-                raise StackError(message)
+                raise StackError(f"outline: {name} has corners that are not within {_LARGEST:g} m")
         for i, hole in enumerate(holes):
             if not inside(hole, (self.boundary,)).all():
-                message = f"outline: holes[{i}] reaches outside the boundary"
-                raise StackError(message)
+                raise StackError(f"outline: holes[{i}] reaches outside the boundary")
 
     @property
     def area(self) -> float:
@@ -136,8 +131,9 @@ class Outline:
             if complete:
                 used, index = np.unique(triangle, return_inverse=True)
                 return Triangulation(point=point[used], triangle=index.reshape(-1, 3))
-        message = f"outline: no mesh of triangles of {size:g} m follows its boundary; take more elements"
-        raise StackError(message)
+        raise StackError(
+            f"outline: no mesh of triangles of {size:g} m follows its boundary; take more elements"
+        )
 
 
 def centred(shape: Outline | Triangulation) -> Outline | Triangulation:
@@ -151,11 +147,10 @@ def centred(shape: Outline | Triangulation) -> Outline | Triangulation:
 def ring(outer: float, inner: float, n_side: int) -> Outline:
     """Return a ring by its outer and inner diameter, m, each circle a polygon of `n_side` sides."""
     if not 0.0 < inner < outer < _LARGEST:
-        message = (
+        raise StackError(
             f"ring: the inner diameter {inner:g} m must lie between 0 and the outer one, {outer:g} m, and that below "
             f"{_LARGEST:g} m"
         )
-        raise StackError(message)
     return Outline(boundary=circle(outer, n_side), holes=(circle(inner, n_side),))
 
 
@@ -210,11 +205,10 @@ def stator(
     """
     sound = 0.0 < inner < slot < outer < _LARGEST and n_tooth > 0 and tooth_width > 0.0
     if not (sound and tooth_width < inner * np.sin(min(np.pi / n_tooth, np.pi / 2.0))):
-        message = (
+        raise StackError(
             f"stator: 0 < inner ({inner:g}) < slot ({slot:g}) < outer ({outer:g}) < {_LARGEST:g} m must hold, and "
             f"{n_tooth} teeth of {tooth_width:g} m must fit side by side into the bore"
         )
-        raise StackError(message)
     bolts = () if holes is None else _bolt_holes(holes, slot, outer, n_side)
     half = tooth_width / 2.0
     at_tip, at_slot = (float(np.arcsin(half / (d / 2.0))) for d in (inner, slot))
@@ -238,8 +232,9 @@ def _bolt_holes(holes: BoltHoles, slot: float, outer: float, n_side: int) -> tup
     beside = holes.circle * np.sin(min(np.pi / max(holes.number, 1), np.pi / 2.0))
     hole = holes.diameter
     if not (holes.number > 0 and slot + hole < holes.circle < outer - hole and 0.0 < hole < beside):
-        message = f"stator: holes of {hole:g} m on a circle of {holes.circle:g} m do not fit into the yoke"
-        raise StackError(message)
+        raise StackError(
+            f"stator: holes of {hole:g} m on a circle of {holes.circle:g} m do not fit into the yoke"
+        )
     found = []
     for k in range(holes.number):
         turn = 2.0 * np.pi * k / holes.number
@@ -268,35 +263,31 @@ def read_mesh(path: str | Path) -> Triangulation:
 
     path = Path(path)
     if path.suffix.lower() in _PICKLES:  # which older versions of pyvista read
-        message = f"{path}: a pickle runs code when it is read; give a mesh file, such as .vtk, .stl or .msh"
-        raise StackError(message)
+        raise StackError(
+            f"{path}: a pickle runs code when it is read; give a mesh file, such as .vtk, .stl or .msh"
+        )
     try:
         there = path.exists()
     except OSError as error:  # such as a name that is too long
-        message = f"{str(path)[:120]}: {error.strerror}"
-        raise StackError(message) from error
+        raise StackError(f"{str(path)[:120]}: {error.strerror}") from error
     if not there:
-        message = f"{path}: there is no such mesh file"
-        raise StackError(message)
+        raise StackError(f"{path}: there is no such mesh file")
     try:
         mesh = pv.read(path)
     except Exception as error:  # the readers raise what they like
-        message = f"{path}: cannot be read as a mesh: {error}"
-        raise StackError(message) from error
+        raise StackError(f"{path}: cannot be read as a mesh: {error}") from error
     surface = mesh.extract_surface(algorithm="geometry") if not isinstance(mesh, pv.PolyData) else mesh
     if surface.n_cells == 0 or not surface.is_all_triangles:
-        message = (
+        raise StackError(
             f"{path}: holds {surface.n_cells} surface cells, not all of them triangles; use triangles alone"
         )
-        raise StackError(message)
     corners = np.asarray(surface.regular_faces, dtype=np.int64)
     used, index = np.unique(corners, return_inverse=True)
     point = np.asarray(surface.points, dtype=float)[used, :2] * 1e-3
     try:
         return Triangulation(point=point, triangle=index.reshape(-1, 3))
     except StackError as error:
-        message = f"{path}: {error}"
-        raise StackError(message) from error
+        raise StackError(f"{path}: {error}") from error
 
 
 def inside(points: Points, polygons: tuple[Points, ...]) -> NDArray[np.bool_]:

@@ -42,8 +42,7 @@ def require_positive(owner: str, value: object, *names: str) -> None:
     """
     for name in names:
         if not 0 < getattr(value, name) < math.inf:
-            message = f"{owner}: {name} must be positive, got {getattr(value, name)!r}"
-            raise StackError(message)
+            raise StackError(f"{owner}: {name} must be positive, got {getattr(value, name)!r}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,8 +72,7 @@ class Contact:
     def __post_init__(self) -> None:
         require_positive("contact", self, "G_f", "pressure", "normal_modulus")
         if not self.d_f >= 0.0:
-            message = f"contact: d_f must not be negative, got {self.d_f!r}"
-            raise StackError(message)
+            raise StackError(f"contact: d_f must not be negative, got {self.d_f!r}")
 
 
 NO_CONTACT = Contact(G_f=1000.0, d_f=0.0, pressure=1e5, normal_modulus=1e9)
@@ -110,14 +108,11 @@ class Clamp:
     def __post_init__(self) -> None:
         for name in ("mass", "share"):
             if not getattr(self, name) >= 0.0:
-                message = f"clamp: {name} must not be negative, got {getattr(self, name)!r}"
-                raise StackError(message)
+                raise StackError(f"clamp: {name} must not be negative, got {getattr(self, name)!r}")
         if self.distribution not in get_args(Distribution):
-            message = f"clamp: distribution must be 'height' or 'faces', got {self.distribution!r}"
-            raise StackError(message)
+            raise StackError(f"clamp: distribution must be 'height' or 'faces', got {self.distribution!r}")
         if min(self.footprint) < 0.0:
-            message = f"clamp: footprint must not be negative, got {self.footprint!r}"
-            raise StackError(message)
+            raise StackError(f"clamp: footprint must not be negative, got {self.footprint!r}")
 
 
 class PressureDistribution(Protocol):
@@ -155,8 +150,7 @@ class Pressing:
 
     def __post_init__(self) -> None:
         if not self.plate_rigidity > 0.0:  # infinite for rigid plates
-            message = f"pressing: plate_rigidity must be positive, got {self.plate_rigidity!r}"
-            raise StackError(message)
+            raise StackError(f"pressing: plate_rigidity must be positive, got {self.plate_rigidity!r}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -199,14 +193,14 @@ def _require_support(
 ) -> None:
     for name, allowed in choices.items():
         if getattr(support, name) not in get_args(allowed):
-            message = f"support: {name} must be one of {', '.join(get_args(allowed))}, got {getattr(support, name)!r}"
-            raise StackError(message)
+            raise StackError(
+                f"support: {name} must be one of {', '.join(get_args(allowed))}, got {getattr(support, name)!r}"
+            )
     values = [getattr(support, name) for name in stiffness]
     if not (min(values) >= 0.0 and max(values) > 0.0):
-        message = (
+        raise StackError(
             f"support: {', '.join(stiffness)} must not be negative and one of them positive, got {values}"
         )
-        raise StackError(message)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -261,8 +255,7 @@ class PatchSupport:
     def __post_init__(self) -> None:
         _require_support(self, {"laminas": Laminas}, "along", "across")
         if not min(self.size) > 0.0:
-            message = f"support: size must be positive, got {self.size!r}"
-            raise StackError(message)
+            raise StackError(f"support: size must be positive, got {self.size!r}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -298,8 +291,9 @@ class Mesh:
         most_elements = 1000
         require_positive("mesh", self, "n_x", "n_y")
         if max(self.n_x, self.n_y) > most_elements:
-            message = f"mesh: n_x and n_y must be at most {most_elements}, got {self.n_x} and {self.n_y}"
-            raise StackError(message)
+            raise StackError(
+                f"mesh: n_x and n_y must be at most {most_elements}, got {self.n_x} and {self.n_y}"
+            )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -334,14 +328,12 @@ class Material:
     def __post_init__(self) -> None:
         for name in ("young", "density", "transverse_ratio", "shear_ratio"):
             if not 0.0 < getattr(self, name) < math.inf:
-                message = f"material: {name} must be positive, got {getattr(self, name):g}"
-                raise StackError(message)
+                raise StackError(f"material: {name} must be positive, got {getattr(self, name):g}")
         if not (-1.0 < self.poisson < 1.0 and self.poisson**2 * self.transverse_ratio < 1.0):
-            message = (
+            raise StackError(
                 f"material: poisson = {self.poisson:g} with transverse_ratio = {self.transverse_ratio:g} is "
                 "not stable; poisson must lie between -1 and 1 and poisson**2 * transverse_ratio below 1"
             )
-            raise StackError(message)
 
     def plane_stress(self) -> tuple[float, float, float, float]:
         """Return the plane-stress stiffnesses (Q11, Q12, Q22, Q66), Pa (Reddy 2004, eq. 2.4.8)."""

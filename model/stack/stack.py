@@ -155,8 +155,9 @@ class Stack(Shown):
         """
         for effect in effects:
             if not isinstance(effect, Effect):
-                message = f"with_effects: {effect!r} is no effect; give *model.find_effects([{effect!r}])"
-                raise EffectError(message)
+                raise EffectError(
+                    f"with_effects: {effect!r} is no effect; give *model.find_effects([{effect!r}])"
+                )
         chosen = {effect.name: effect for effect in (*self.effects, *effects)}
         parameters = shared_parameters(chosen.values())
         for name in values:
@@ -164,8 +165,7 @@ class Stack(Shown):
                 close = difflib.get_close_matches(name, parameters, n=1)
                 there = ", ".join(parameters) or "none"
                 hint = f"did you mean {close[0]}?" if close else f"there are {there}"
-                message = f"no effect of the stack has a parameter {name!r}; {hint}"
-                raise EffectError(message)
+                raise EffectError(f"no effect of the stack has a parameter {name!r}; {hint}")
         neutral = {name: parameter.neutral for name, parameter in parameters.items()}
         return dataclasses.replace(
             self, effects=tuple(chosen.values()), effect_values={**neutral, **self.effect_values, **values}
@@ -174,11 +174,9 @@ class Stack(Shown):
 
 def _check_contact(stack: Stack) -> None:
     if stack.n_lamina > 1 and stack.contact is NO_CONTACT:
-        message = f"stack: contact is missing; {stack.n_lamina} laminas need it"
-        raise StackError(message)
+        raise StackError(f"stack: contact is missing; {stack.n_lamina} laminas need it")
     if stack.n_lamina == 1 and stack.pressing is not None:
-        message = "pressing: one lamina has no other that it could be pressed against"
-        raise StackError(message)
+        raise StackError("pressing: one lamina has no other that it could be pressed against")
 
 
 def _check_outline(stack: Stack) -> None:
@@ -186,54 +184,50 @@ def _check_outline(stack: Stack) -> None:
         box = np.array([stack.length, stack.width])[:, None] * [-0.5, 0.5]
         if np.abs(stack.outline.bounds - box).max() > 1e-6 * stack.length:
             (x0, x1), (y0, y1) = stack.outline.bounds
-            message = (
+            raise StackError(
                 f"stack: its outline reaches from {x0:g} to {x1:g} m along x and {y0:g} to {y1:g} m along y; "
                 f"it must fill a box of {stack.length:g} by {stack.width:g} m around the origin"
             )
-            raise StackError(message)
 
 
 def _check_interlayers(stack: Stack) -> None:
     places = [layer.below for layer in stack.interlayers]
     for i, below in enumerate(places):
         if not below < stack.n_lamina or below in places[:i]:
-            message = (
+            raise StackError(
                 f"interlayers[{i}]: below = {below}; each place between two laminas, from 1 to "
                 f"{stack.n_lamina - 1}, can hold one layer"
             )
-            raise StackError(message)
 
 
 def _check_pressure(stack: Stack) -> None:
     if not (stack.pressing is None or isinstance(stack.pressing, Pressing)):
         mean = stack.pressing.mean
         if abs(mean - stack.contact.pressure) > 1e-6 * mean:
-            message = (
+            raise StackError(
                 f"stack: its pressure field has a mean of {mean / 1e3:.6g} kPa, its contact a pressure of "
                 f"{stack.contact.pressure / 1e3:.6g} kPa; press the stack anew at that pressure"
             )
-            raise StackError(message)
 
 
 def _check_pitch(stack: Stack) -> None:
     thinnest = 1e-6  # m; a lamina that is thinner is a slip, and as many of them would fill the memory
     if stack.pitch <= 0.0:
-        message = f"stack: height {stack.height:g} m leaves no room for laminas between the interlayers"
-        raise StackError(message)
+        raise StackError(
+            f"stack: height {stack.height:g} m leaves no room for laminas between the interlayers"
+        )
     if stack.pitch < thinnest:
-        message = (
+        raise StackError(
             f"stack: n_lamina = {stack.n_lamina} in a height of {stack.height:g} m makes laminas {stack.pitch:.2g} m "
             "thick; electrical steel has 1e-4 to 1e-3 m"
         )
-        raise StackError(message)
 
 
 def _check_clamps(stack: Stack) -> None:
     for i, clamp in enumerate(stack.clamps):
         for axis, position, size in (("x", clamp.x, stack.length), ("y", clamp.y, stack.width)):
             if abs(position) > size / 2.0:
-                message = (
+                raise StackError(
                     f"clamps[{i}]: {axis} = {position:g} m lies outside the stack, which reaches from "
                     f"{-size / 2:g} to {size / 2:g} m"
                 )
-                raise StackError(message)

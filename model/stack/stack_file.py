@@ -193,17 +193,14 @@ def read_stack(path: str | Path) -> Stack:
     try:
         raw = read_toml(path)
     except OSError as error:
-        message = f"{path}: cannot be read ({error.strerror})"
-        raise StackError(message) from error
+        raise StackError(f"{path}: cannot be read ({error.strerror})") from error
     except (ValueError, RecursionError) as error:  # brackets by the thousand
-        message = f"{path}: not a TOML file: {error}"
-        raise StackError(message) from error
+        raise StackError(f"{path}: not a TOML file: {error}") from error
     if "matrices" in raw:
-        message = (
+        raise StackError(
             f"{path}: is a structure of matrices, and this needs the model of a stack; ema, model, fit, diagnose, "
             "report and open take matrices"
         )
-        raise StackError(message)
     try:
         given = _validated(raw)
     except ValidationError as error:
@@ -211,8 +208,7 @@ def read_stack(path: str | Path) -> Stack:
     try:
         return _to_si(given, path.parent)
     except StackError as error:
-        message = f"{path}: {error}"
-        raise StackError(message) from error
+        raise StackError(f"{path}: {error}") from error
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -299,11 +295,10 @@ def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> Non
     for i, clamp in enumerate(clamps):
         for axis, side, whole in zip("xy", clamp.footprint_mm, size_mm, strict=True):
             if side > whole + touching_mm:
-                message = (
+                raise StackError(
                     f"clamps[{i}]: footprint_mm is {side:g} mm along {axis}, but the stack is {whole:g} mm; give the "
                     "part that lies on it"
                 )
-                raise StackError(message)
         for j, other in enumerate(clamps[:i]):
             apart = (abs(clamp.x_mm - other.x_mm), abs(clamp.y_mm - other.y_mm))
             reach = zip(clamp.footprint_mm, other.footprint_mm, strict=True)
@@ -311,11 +306,10 @@ def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> Non
             if (
                 max(apart) > 0.0 and min(shared) > touching_mm
             ):  # at the same place they are one that is heavier
-                message = (
+                raise StackError(
                     f"clamps[{j}] and clamps[{i}]: their footprints overlap by {shared[0]:g} mm along x and "
                     f"{shared[1]:g} mm along y; check x_mm, y_mm and footprint_mm"
                 )
-                raise StackError(message)
 
 
 def _contact(given: StackFile, area: float, pressing: Pressing | None, folder: Path) -> Contact:
@@ -323,11 +317,9 @@ def _contact(given: StackFile, area: float, pressing: Pressing | None, folder: P
     contact = given.contact
     if contact.G_f is None or contact.d_f_s_per_Pa is None:
         name = "G_f" if contact.G_f is None else "d_f_s_per_Pa"
-        message = f"key contact.{name} is missing; it must be given"
-        raise StackError(message)
+        raise StackError(f"key contact.{name} is missing; it must be given")
     if pressing is None and contact.normal_modulus_GPa is None:
-        message = "contact.normal_modulus_GPa is missing; it, or a curve in [pressing], must be given"
-        raise StackError(message)
+        raise StackError("contact.normal_modulus_GPa is missing; it, or a curve in [pressing], must be given")
     pressure = _pressure(contact, [clamp.force_N for clamp in given.clamps], area, folder)
     if contact.normal_modulus_GPa is not None:
         normal_modulus = contact.normal_modulus_GPa * 1e9
@@ -347,19 +339,16 @@ def _outline(
     if table.kind == "rectangle":
         missing = [name for name, value in box.items() if value is None]
         if missing or given.length_mm is None or given.width_mm is None:
-            message = f"key {missing[0]} is missing; a rectangle needs it"
-            raise StackError(message)
+            raise StackError(f"key {missing[0]} is missing; a rectangle needs it")
         return given.length_mm * 1e-3, given.width_mm * 1e-3, None
     extra = [name for name, value in box.items() if value is not None]
     if extra:
-        message = f"{extra[0]} does not go with outline.kind = {table.kind!r}, which has its own size"
-        raise StackError(message)
+        raise StackError(f"{extra[0]} does not go with outline.kind = {table.kind!r}, which has its own size")
 
     def need(name: str) -> Any:
         value = getattr(table, name)
         if value is None:
-            message = f"outline.{name} is missing; outline.kind = {table.kind!r} needs it"
-            raise StackError(message)
+            raise StackError(f"outline.{name} is missing; outline.kind = {table.kind!r} needs it")
         return value
 
     shape: outline.Outline | outline.Triangulation
@@ -408,22 +397,19 @@ def _pressure(contact: _Contact, forces: list[float | None], area: float, folder
     }
     named = [name for name, there in ways.items() if there]
     if len(named) != 1:
-        message = (
+        raise StackError(
             f"the pressure must be given by one of {', '.join(ways)}; given are {', '.join(named) or 'none'}"
         )
-        raise StackError(message)
     if contact.pressure_kPa is not None:
         return contact.pressure_kPa * 1e3
     if contact.torque_Nm is not None:
         if contact.torque_table is None:
-            message = "contact.torque_table is missing; torque_Nm needs it to become a pressure"
-            raise StackError(message)
+            raise StackError("contact.torque_table is missing; torque_Nm needs it to become a pressure")
         return _pressure_at_torque(folder / contact.torque_table, contact.torque_Nm)
     if len(given) < len(forces):
-        message = (
+        raise StackError(
             f"clamps.force_N: given for {len(given)} of {len(forces)} clamps; give it for all or for none"
         )
-        raise StackError(message)
     return sum(given) / area
 
 
@@ -433,22 +419,20 @@ def _pressure_at_torque(path: Path, torque: float) -> float:
         table = csv.DictReader(plain_text(path).splitlines())
         rows = sorted((float(r["torque_Nm"]), float(r["pressure_kPa"])) for r in table)
     except OSError as error:
-        message = f"{path}: cannot be read ({error.strerror})"
-        raise StackError(message) from error
+        raise StackError(f"{path}: cannot be read ({error.strerror})") from error
     except (KeyError, TypeError, ValueError, csv.Error) as error:
-        message = f"{path}: needs the columns torque_Nm and pressure_kPa with numbers"
-        raise StackError(message) from error
+        raise StackError(f"{path}: needs the columns torque_Nm and pressure_kPa with numbers") from error
     if not rows or not 0.0 < torque <= rows[-1][0]:
-        message = f"{path}: contact.torque_Nm = {torque:g} lies outside the table, which ends at {rows[-1:]}"
-        raise StackError(message)
+        raise StackError(
+            f"{path}: contact.torque_Nm = {torque:g} lies outside the table, which ends at {rows[-1:]}"
+        )
     torques, pressures = zip((0.0, 0.0), *rows, strict=True)
     return float(np.interp(torque, torques, pressures)) * 1e3
 
 
 def _pressing(given: _Pressing, folder: Path) -> Pressing:
     if (given.plate is None) == (given.plate_thickness_mm is None):
-        message = 'pressing: give the plates either as plate = "rigid" or by plate_thickness_mm'
-        raise StackError(message)
+        raise StackError('pressing: give the plates either as plate = "rigid" or by plate_thickness_mm')
     rigidity = math.inf
     if given.plate_thickness_mm is not None:
         thickness = given.plate_thickness_mm * 1e-3
@@ -459,22 +443,21 @@ def _pressing(given: _Pressing, folder: Path) -> Pressing:
 def _support(i: int, given: _Support) -> EdgeSupport | PatchSupport:
     stiffness = {"along", "across", "rotation"}
     if (given.edge is None) == (given.patch_mm is None):
-        message = f"supports[{i}]: give either edge or patch_mm = [x, y, length, width]"
-        raise StackError(message)
+        raise StackError(f"supports[{i}]: give either edge or patch_mm = [x, y, length, width]")
     on_edge = {"along": given.along_N_m2, "across": given.across_N_m2, "rotation": given.rotation_N}
     on_patch = {"along": given.along_N_m3, "across": given.across_N_m3}
     used, unused = (on_edge, on_patch) if given.edge is not None else (on_patch, on_edge)
     if given.condition != "elastic":
         if any(on_edge.values()) or any(on_patch.values()):
-            message = (
+            raise StackError(
                 f'supports[{i}]: stiffness goes with condition = "elastic", not with {given.condition!r}'
             )
-            raise StackError(message)
         held = stiffness if given.condition == "clamped" else stiffness - {"rotation"}
         used = {name: math.inf if name in held else 0.0 for name in used}
     elif any(value for name, value in unused.items() if name not in used or value != used[name]):
-        message = f"supports[{i}]: an edge takes along_N_m2, across_N_m2, rotation_N; a patch along_N_m3, across_N_m3"
-        raise StackError(message)
+        raise StackError(
+            f"supports[{i}]: an edge takes along_N_m2, across_N_m2, rotation_N; a patch along_N_m3, across_N_m3"
+        )
     if given.edge is not None:
         return EdgeSupport(edge=given.edge, laminas=given.laminas, **used)
     x, y, along, across = (value * 1e-3 for value in given.patch_mm or ())

@@ -46,8 +46,7 @@ ResultsFolder = Annotated[
 def _there(path: Path) -> Path:
     """Refuse a file that is not there before what would read it is imported: that takes most of a second."""
     if not path.exists():
-        message = f"{path}: cannot be read: {os.strerror(errno.ENOENT)}"
-        raise StoreError(message)
+        raise StoreError(f"{path}: cannot be read: {os.strerror(errno.ENOENT)}")
     return path
 
 
@@ -250,11 +249,11 @@ def effects(
     nominal strength; with -o a picture of it. An effect of your own file is checked as well.
     """
     if name is None and (stack is not None or output is not None):
-        message = "which effect? give its name with --stack and -o, such as lamella effects clamp_inertia"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter(
+            "which effect? give its name with --stack and -o, such as lamella effects clamp_inertia"
+        )
     if stack is None and output is not None:
-        message = "-o needs a stack for the picture; give it with --stack"
-        raise typer.BadParameter(message)
+        raise typer.BadParameter("-o needs a stack for the picture; give it with --stack")
     if not commands.effects_command(name, stack, output, effect_file or ()):
         raise typer.Exit(1)
 

@@ -55,11 +55,10 @@ def _installed(name: str) -> Path:
     }
     top = min(places, key=lambda place: len(place.parts), default=None)
     if top is None or not top.is_dir():
-        message = (
+        raise StoreError(
             f"this installation of Lamella lacks the data {name!r}: install it as built, or run in a checkout, "
             f"where it is data/{name}"
         )
-        raise StoreError(message)
     return top
 
 
@@ -85,8 +84,7 @@ def demo_command(output: Path) -> None:
     answer = diagnose_campaign(campaign, output, (), OUT)
     _say(f"3. Diagnose: {answer.sentences[0]}")
     if not answer.set:
-        message = f"{campaign}: nothing was named, where lost contact was planted"
-        raise FitError(message)
+        raise FitError(f"{campaign}: nothing was named, where lost contact was planted")
     entries = campaign_ledger(done, LedgerRequest(effects=answer.set[0]), campaign, output)
     before, after = entries[0], entries[-1]
     _say(

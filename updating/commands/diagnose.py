@@ -164,8 +164,9 @@ class _Models:
         heights = {stack_in_state(stack, self.tested[n].configuration).height for n in names}
         if len(heights) > 1:
             listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
-            message = f"it and its reference are {listed} mm high; what changed is asked of one structure"
-            raise FitError(message)
+            raise FitError(
+                f"it and its reference are {listed} mm high; what changed is asked of one structure"
+            )
         return replace(stack, height=heights.pop())
 
     def _fitted_stack(self, stack: Stack, reference: Sequence[Campaigned]) -> FittedReference:
@@ -250,10 +251,9 @@ def diagnose_campaign(
     heights = {state.height for state in states}
     if len(heights) > 1:
         listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
-        message = (
+        raise FitError(
             f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each"
         )
-        raise FitError(message)
     assigned = [
         assignment
         for assignment in assignments(campaign, output, keep=keep)
@@ -338,11 +338,10 @@ def _require_force(campaign_file: Path, tests: Sequence[Identified]) -> None:
         if test.configuration.has_modes and not any(group.input for group in test.configuration.files)
     ]
     if unknown:
-        message = (
+        raise FitError(
             f"{campaign_file}: configuration {unknown[0]!r}: a diagnosis needs to know where the force acted; write "
             'input = "12+z" with its point and direction into each [[configuration]] with modes = "file"'
         )
-        raise FitError(message)
 
 
 def by_level(

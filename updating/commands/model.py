@@ -207,25 +207,25 @@ def _value(effect: Effect, text: str) -> tuple[str, float]:
     name, equals, number = (part.strip() for part in text.partition("="))
     parameters = {p.name: p for p in effect.parameters}
     if not equals:
-        message = f"effect {effect.name}: {text!r} must be parameter=value; it has {', '.join(parameters)}"
-        raise EffectError(message)
+        raise EffectError(
+            f"effect {effect.name}: {text!r} must be parameter=value; it has {', '.join(parameters)}"
+        )
     if name not in parameters:
         close = difflib.get_close_matches(name, parameters, n=1)
         hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(parameters)}"
-        message = f"effect {effect.name}: no parameter {name!r}; {hint}"
-        raise EffectError(message)
+        raise EffectError(f"effect {effect.name}: no parameter {name!r}; {hint}")
     parameter = parameters[name]
     try:
         value = float(number)
     except ValueError as error:
-        message = f"effect {effect.name}: {name} must be a number in {parameter.unit}, got {number!r}"
-        raise EffectError(message) from error
+        raise EffectError(
+            f"effect {effect.name}: {name} must be a number in {parameter.unit}, got {number!r}"
+        ) from error
     if not parameter.lower <= value <= parameter.upper:
-        message = (
+        raise EffectError(
             f"effect {effect.name}: {name} = {value:g} {parameter.unit} lies outside its range, "
             f"{parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
         )
-        raise EffectError(message)
     return name, value
 
 
@@ -263,8 +263,7 @@ def solve_matrices(file: Path, output: Path, n_mode: int, console: Console) -> T
         elastic = frequency[frequency > 1e-3 * structure.band_Hz]
         inside = elastic[elastic <= structure.band_Hz][:n_mode]
         if not inside.size:
-            message = f"{file}: no mode below reduction.band_Hz = {structure.band_Hz:g}; raise it"
-            raise MatricesError(message)
+            raise MatricesError(f"{file}: no mode below reduction.band_Hz = {structure.band_Hz:g}; raise it")
         none = np.zeros((0, inside.size))
         from updating.diagnosis.matrices_answer import modes_at
 
@@ -341,10 +340,9 @@ def model_command(
     """Solve the model of a stack or of matrices, and print its modes."""
     if is_structure_file(stack):
         if effect or effect_file:
-            message = (
+            raise EffectError(
                 f"{stack}: effects are added to stacks; of a structure of matrices terms and places may vary"
             )
-            raise EffectError(message)
         OUT.print(solve_matrices(stack, output, modes, OUT))
         return
     added = AddedEffects(option=tuple(effect), file=tuple(effect_file))

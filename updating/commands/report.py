@@ -101,13 +101,11 @@ def show(folder: Path, configuration: str | None) -> Path | None:
     results = read_results(folder)
     names = [t.name for t in results.tested]
     if not names:
-        message = (
+        raise StoreError(
             f"{folder}: a table of modes has no shapes to view; make its page with: lamella report {folder}"
         )
-        raise StoreError(message)
     if configuration is not None and configuration not in names:
-        message = f"{folder}: no configuration {configuration!r}; there are {', '.join(names)}"
-        raise StoreError(message)
+        raise StoreError(f"{folder}: no configuration {configuration!r}; there are {', '.join(names)}")
     tested = results.tested[0 if configuration is None else names.index(configuration)]
     if has_display():
         window(tested).show()

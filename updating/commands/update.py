@@ -67,8 +67,7 @@ class ParameterSection(Section):
     def _fixed_alone(self) -> ParameterSection:
         if self.fixed is not None and len(self.model_fields_set) > 1:
             further = ", ".join(sorted(self.model_fields_set - {"fixed"}))
-            message = f"a fixed parameter is not fitted; take out 'fixed' or {further}"
-            raise ValueError(message)
+            raise ValueError(f"a fixed parameter is not fitted; take out 'fixed' or {further}")
         return self
 
 
@@ -118,10 +117,9 @@ class UpdateFile(Section):
     def _starts_of_effects(self) -> UpdateFile:
         for name in (*CONTACT, *RATIOS):
             if name in self.parameter and self.parameter[name].start is not None:
-                message = (
+                raise ValueError(
                     f"parameter.{name}.start: every fit starts where frequencies are met best; take it out"
                 )
-                raise ValueError(message)
         return self
 
     def settings(self, hold_out: Mapping[str, tuple[int, ...]]) -> FitSettings:
@@ -300,8 +298,7 @@ def held_out(given: UpdateFile, size: Mapping[str, int]) -> Mapping[str, tuple[i
     require_known("hold_out: configuration", given.hold_out, size)
     for name, modes in given.hold_out.items():
         if max(modes, default=0) > size[name]:
-            message = f"hold_out.{name}: there is no mode {max(modes)}; it has {size[name]}"
-            raise FitError(message)
+            raise FitError(f"hold_out.{name}: there is no mode {max(modes)}; it has {size[name]}")
     return {name: tuple(m - 1 for m in modes) for name, modes in given.hold_out.items()}
 
 

@@ -181,8 +181,9 @@ def correlate_points(measured: MeasuredModes, model: ModeSet, pairing: Pairing) 
         No modes are paired.
     """
     if pairing.measured.size == 0:
-        message = f"no modes are paired at a MAC of {pairing.threshold:g}, so there are no shapes to compare"
-        raise PairingError(message)
+        raise PairingError(
+            f"no modes are paired at a MAC of {pairing.threshold:g}, so there are no shapes to compare"
+        )
     shape = np.asarray(measured.shape[:, pairing.measured], dtype=complex)
     other = np.array(model.shape[:, pairing.model], dtype=complex)
     for number in np.unique(pairing.subspace):
@@ -256,8 +257,7 @@ def correlate_frf(measured: ArrayLike, model: ArrayLike, frequency: ArrayLike) -
     first, second = _functions(measured, model)
     lines = np.asarray(frequency, dtype=float)
     if lines.shape != first.shape[2:]:
-        message = f"{first.shape[2]} lines were given with {lines.size} frequencies"
-        raise UpdatingError(message)
+        raise UpdatingError(f"{first.shape[2]} lines were given with {lines.size} frequencies")
     cross = np.abs(np.sum(first.conj() * second, axis=(0, 1)))
     square_1, square_2 = (np.sum(np.abs(h) ** 2, axis=(0, 1)) for h in (first, second))
     both = (square_1 > 0.0) & (square_2 > 0.0)
@@ -293,10 +293,9 @@ def fdac(measured: ArrayLike, model: ArrayLike) -> NDArray[np.float64]:
     """
     first, second = (np.asarray(h, dtype=complex) for h in (measured, model))
     if first.ndim != 3 or second.ndim != 3 or first.shape[:2] != second.shape[:2]:
-        message = (
+        raise UpdatingError(
             f"FRFs to compare need the same outputs and inputs: got shapes {first.shape} and {second.shape}"
         )
-        raise UpdatingError(message)
     columns = [h.reshape(-1, h.shape[2]) for h in (first, second)]
     unit = [c / np.maximum(np.linalg.norm(c, axis=0), np.finfo(float).tiny) for c in columns]
     return np.asarray((unit[0].conj().T @ unit[1]).real)
@@ -307,9 +306,8 @@ def _functions(
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     first, second = np.asarray(measured, dtype=complex), np.asarray(model, dtype=complex)
     if first.ndim != 3 or first.shape != second.shape:
-        message = (
+        raise UpdatingError(
             "measured and modelled FRFs need the same shape (n_output, n_input, n_frequency): "
             f"got {first.shape} and {second.shape}"
         )
-        raise UpdatingError(message)
     return first, second

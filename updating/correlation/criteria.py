@@ -153,10 +153,9 @@ def macxp(a: ArrayLike, pole_a: ArrayLike, b: ArrayLike, pole_b: ArrayLike) -> N
     pole_1, pole_2 = np.asarray(pole_a, dtype=complex), np.asarray(pole_b, dtype=complex)
     for name, pole in (("pole_a", pole_1), ("pole_b", pole_2)):
         if not np.all(pole.real < 0.0):
-            message = (
+            raise ValueError(
                 f"{name}: MACXP needs decaying modes, but pole {int(np.argmax(pole.real))} is {pole.max():g}"
             )
-            raise ValueError(message)
     same = np.abs(first.conj().T @ second) / np.abs(pole_1.conj()[:, None] + pole_2)
     mirrored = np.abs(first.T @ second) / np.abs(pole_1[:, None] + pole_2)
     norm_1, norm_2 = (

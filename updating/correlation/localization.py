@@ -54,8 +54,9 @@ class Regions:
         for name in ("x", "y", "z"):
             edges = readonly("Regions", name, getattr(self, name), (None,))
             if edges.size < 2 or np.any(np.diff(edges) <= 0.0):
-                message = f"regions: edges along {name} must ascend and be two at least, got {edges.tolist()}"
-                raise UpdatingError(message)
+                raise UpdatingError(
+                    f"regions: edges along {name} must ascend and be two at least, got {edges.tolist()}"
+                )
             object.__setattr__(self, name, edges)
 
     @property
@@ -363,8 +364,7 @@ def stiffness_index(kind: str) -> int:
         There is no such kind.
     """
     if kind not in ENERGY_KINDS[:-1]:
-        message = f"unknown kind of stiffness {kind!r}; there are {', '.join(ENERGY_KINDS[:-1])}"
-        raise UpdatingError(message)
+        raise UpdatingError(f"unknown kind of stiffness {kind!r}; there are {', '.join(ENERGY_KINDS[:-1])}")
     return ENERGY_KINDS.index(kind)
 
 
@@ -406,8 +406,7 @@ def map_error(
         No modes are given.
     """
     if np.size(modes) == 0:
-        message = "an error map needs at least one measured mode; none was given"
-        raise UpdatingError(message)
+        raise UpdatingError("an error map needs at least one measured mode; none was given")
     theta = full_parameters(system, G_f, system.theta["d_f"], parameters)
     basis, rows = _span(system, observation, theta)
     found = _optima(system, theta, basis, rows, measured, modes)

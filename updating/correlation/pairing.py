@@ -211,11 +211,10 @@ def require_points(measured: ModalModel) -> None:
     """
     n_dof, n_mode = measured.shape.shape
     if n_dof < n_mode:
-        message = (
+        raise PairingError(
             f"{measured.name}: {n_mode} modes were measured at {n_dof} degrees of freedom, too few to resolve their "
             "shapes; measure at more points, or narrow band_Hz under [identification]"
         )
-        raise PairingError(message)
 
 
 def _assign(
@@ -312,16 +311,14 @@ def _without_common_factor(
 
 def _require_same_dofs(measured: ModeSet, model: ModeSet) -> None:
     if measured.node.size != model.node.size or np.any(measured.node != model.node):
-        message = (
+        raise PairingError(
             f"modes on different DOFs cannot be paired: {measured.node.size} measured, {model.node.size} in the "
             "model. Sample the model at the measured DOFs (updating.register) first."
         )
-        raise PairingError(message)
     alignment = np.sum(measured.direction * model.direction, axis=1)
     if np.any(alignment < 1 - 1e-6):
         wrong = [int(n) for n in measured.node[alignment < 1 - 1e-6]]
-        message = f"measured and modelled directions differ at points {wrong}"
-        raise PairingError(message)
+        raise PairingError(f"measured and modelled directions differ at points {wrong}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -367,10 +364,9 @@ def track(steps: Sequence[Modes], mass: ArrayLike, *, n_mode: int, close: float 
     """
     for i, step in enumerate(steps):
         if step.frequency.size < n_mode:
-            message = (
+            raise PairingError(
                 f"step {i} has {step.frequency.size} modes, but {n_mode} are to be followed; solve for more"
             )
-            raise PairingError(message)
     matrix = np.asarray(mass, dtype=float)
     followed = np.array(steps[0].coordinate[:, :n_mode])
     columns, values = [np.arange(n_mode)], [np.ones(n_mode)]

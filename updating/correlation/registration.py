@@ -64,24 +64,22 @@ def register(
     row = {int(n): i for i, n in enumerate(geometry.node)}
     unknown = sorted({int(n) for n in node} - set(row))
     if unknown:
-        message = (
+        raise PairingError(
             f"points {unknown} were measured but have no coordinates; "
             f"the geometry has points {_span(geometry.node)}. Add them to the points file."
         )
-        raise PairingError(message)
     location = geometry.coordinate[[row[int(n)] for n in node]]
     sampled, distance = sample_points(stack, location)
     if np.any(distance > tolerance):
         far = np.flatnonzero(distance > tolerance)
         worst = far[np.argmax(distance[far])]
-        message = (
+        raise PairingError(
             f"{far.size} of {node.size} measured points lie more than {1e3 * tolerance:.0f} mm from the stack "
             f"{stack.name!r}; the farthest is point {int(node[worst])} at "
             f"({', '.join(f'{1e3 * c:.1f}' for c in location[worst])}) mm, {1e3 * distance[worst]:.1f} mm away. "
             f"The stack spans ±{500 * stack.length:.1f} x ±{500 * stack.width:.1f} x ±{500 * stack.height:.1f} mm "
             "about its centre: check the unit and the origin of the points file."
         )
-        raise PairingError(message)
     return Registration(
         observation=Observation(node=node, location=sampled, direction=direction), distance=distance
     )
@@ -146,11 +144,10 @@ def expand(shape: ArrayLike, shape_std: ArrayLike, modes: Modes) -> Expansion:
     inverse, condition = _pseudo_inverse(modes.shape)
     if not np.isfinite(condition):
         n_dof, n_mode = modes.shape.shape
-        message = (
+        raise PairingError(
             f"{n_dof} measured DOFs cannot tell {n_mode} modes of the model apart; take fewer modes, "
             "such as those up to the end of the measured band"
         )
-        raise PairingError(message)
     amplitude = inverse @ measured
     rebuilt = modes.shape @ amplitude
     square = np.sum(np.abs(measured) ** 2, axis=0)

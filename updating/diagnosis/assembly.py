@@ -93,8 +93,7 @@ def assemble_evidence(
         Measured points do not lie on the stack.
     """
     if not tested:
-        message = "nothing to compare: no configuration was identified"
-        raise FitError(message)
+        raise FitError("nothing to compare: no configuration was identified")
     base, silent = candidates.stack, silent_effects(candidates.effects, several_levels=bool(levels))
     observation = tuple(
         register(base, modes.geometry, modes.node, modes.direction).observation for _, _, modes in tested
@@ -183,11 +182,10 @@ def _nearest(equations: ReducedEquations, tested: Sequence[Tested], observed: Se
     n_used = _far(equations, tested, observed, G_f)[1]
     unlike = [configuration.name for configuration, n in zip(tested, n_used, strict=True) if not n]
     if unlike:
-        message = (
+        raise FitError(
             f"no measured mode of {' or '.join(unlike)} resembles one of the model, so nothing of it would be used; "
             "check points, directions and signs there, and that its files are of this stack"
         )
-        raise FitError(message)
     return float(G_f)
 
 

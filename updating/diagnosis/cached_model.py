@@ -163,8 +163,7 @@ def _written(function: Any) -> dict[str, Any]:
         function, given = function.func, function.keywords
     written = {"module": function.__module__, "name": function.__qualname__, "given": given}
     if _function(written) is not function:
-        message = f"{function} is not found by its name"
-        raise TypeError(message)
+        raise TypeError(f"{function} is not found by its name")
     return written
 
 
@@ -195,5 +194,4 @@ def _function(written: Mapping[str, Any]) -> Any:
             (first, *_) = inspect.get_annotations(factor).values()
             if first == "Theta":
                 return factor
-    message = f"{module}.{name} is no factor of an effect"
-    raise TypeError(message)
+    raise TypeError(f"{module}.{name} is no factor of an effect")

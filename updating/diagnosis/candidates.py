@@ -208,11 +208,10 @@ def instruments_of(modes: ModalModel) -> Instruments:
     """Return where the instruments of a test touched the stack; the sensors' points are known to be listed."""
     place = {int(n): i for i, n in enumerate(modes.geometry.node)}
     if int(modes.input.node[0]) not in place:
-        message = (
+        raise PairingError(
             f"{modes.name}: point {int(modes.input.node[0])} of the force has no coordinates, which a diagnosis needs "
             "to place what hangs on the shaker. Add it to the points file."
         )
-        raise PairingError(message)
     x, y, z = modes.geometry.coordinate[place[int(modes.input.node[0])]]
     sensor = modes.geometry.coordinate[[place[int(n)] for n in modes.node]]
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)

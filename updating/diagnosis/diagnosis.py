@@ -110,8 +110,7 @@ def beside_model(
         Measured points do not lie on the stack, or are fewer than the modes, or a sensor was upside down in all runs.
     """
     if not tested:
-        message = "nothing to diagnose: no configuration was identified"
-        raise FitError(message)
+        raise FitError("nothing to diagnose: no configuration was identified")
     for _, _, modes in tested:
         require_points(modes)
     candidates = reduced(stack, instruments_of(tested[0][2]), effects, aids(), executor)

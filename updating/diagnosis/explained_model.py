@@ -105,8 +105,7 @@ def explained_model(
     modes = replace(modes, frequency=modes.frequency * finer_ratio(modes.frequency, modelled))
     pairing = pair(measured, modes, threshold=threshold)
     if pairing.measured.size == 0:
-        message = f"{measured.name}: no measured mode pairs with this model by a MAC of {threshold:g}"
-        raise FitError(message)
+        raise FitError(f"{measured.name}: no measured mode pairs with this model by a MAC of {threshold:g}")
     frequency, damping = measured.frequency[pairing.measured], measured.damping[pairing.measured]
     return Fit(
         name=measured.name,

@@ -93,31 +93,31 @@ class FitSettings:
             require_known(f"{what}: parameter", getattr(self, what), known)
         for name, (lower, upper) in self.bounds.items():
             if not lower < upper:
-                message = f"bounds of {name}: {lower:g} is not below {upper:g}"
-                raise FitError(message)
+                raise FitError(f"bounds of {name}: {lower:g} is not below {upper:g}")
         for name in (*CONTACT, *RATIOS):
             stated = [self.fixed.get(name, 1.0), self.priors.get(name, (1.0, 0.0))[0]]
             if min(stated) <= 0.0:
-                message = f"{name} must be above 0, found {min(stated):g}"
-                raise FitError(message)
+                raise FitError(f"{name} must be above 0, found {min(stated):g}")
         for name, scope in self.scope.items():
             if scope == "configuration" and name not in CONTACT:
-                message = f"scope of {name}: all configurations of a stack have the same; it can be 'all' or 'specimen'"
-                raise FitError(message)
+                raise FitError(
+                    f"scope of {name}: all configurations of a stack have the same; it can be 'all' or 'specimen'"
+                )
         for effect in effects.values():
             scopes = {self.scope.get(p.name, "all") for p in effect.parameters}
             if len(scopes) > 1:
                 names = ", ".join(p.name for p in effect.parameters)
-                message = f"scope of {names}: parameters of one effect are shared alike; give them one scope"
-                raise FitError(message)
+                raise FitError(
+                    f"scope of {names}: parameters of one effect are shared alike; give them one scope"
+                )
         require_known("hold_out: configuration", self.hold_out, n_mode)
         for name, modes in self.hold_out.items():
             if max(modes, default=0) >= n_mode[name]:
-                message = f"hold_out.{name}: there is no mode {max(modes) + 1}; it has {n_mode[name]}"
-                raise FitError(message)
+                raise FitError(f"hold_out.{name}: there is no mode {max(modes) + 1}; it has {n_mode[name]}")
             if set(modes) >= set(range(n_mode[name])):
-                message = f"{name}: all its modes are held out, so nothing of it can be fitted; leave it out instead"
-                raise FitError(message)
+                raise FitError(
+                    f"{name}: all its modes are held out, so nothing of it can be fitted; leave it out instead"
+                )
 
     @property
     def of_base(self) -> FitSettings:
@@ -238,10 +238,9 @@ class FitSettings:
         lower = max(lower, coordinate.lower) if name == "G_f" else lower
         upper = min(upper, coordinate.upper) if name == "G_f" else upper
         if not lower < upper:
-            message = (
+            raise FitError(
                 f"bounds of {name}: none of {bounds[0]:g} to {bounds[1]:g} is what the model is made for"
             )
-            raise FitError(message)
         return replace(coordinate, lower=lower, upper=upper)
 
     def tells(self, effects: Mapping[str, Effect]) -> bool:
@@ -309,5 +308,4 @@ def require_known(what: str, given: Collection[str], known: Collection[str]) -> 
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"there are {', '.join(sorted(known)) or 'none'}"
-            message = f"{what} {name!r} is unknown; {hint}"
-            raise FitError(message)
+            raise FitError(f"{what} {name!r} is unknown; {hint}")

@@ -161,10 +161,10 @@ class JointFit:
         for p in self.parameter:
             if (p.name, p.group) == (name, group):
                 return p.value
-        message = f"no fitted parameter {name!r} of {group or 'all'}; there are " + ", ".join(
-            f"{p.name} of {p.group or 'all'}" for p in self.parameter
+        raise FitError(
+            f"no fitted parameter {name!r} of {group or 'all'}; there are "
+            + ", ".join(f"{p.name} of {p.group or 'all'}" for p in self.parameter)
         )
-        raise FitError(message)
 
     def error(self, *, held_out: bool = False, before: bool = False, damping: bool = False) -> float:
         """Return the mean relative error of frequencies, eq. (2), or of damping ratios.

@@ -113,11 +113,10 @@ def fit_matrices(
     shown = _shown(model, own, 0, threshold)
     pairing, modes = shown.pairing, shown.modes
     if not pairing.measured.size:
-        message = (
+        raise FitError(
             f"{measured.name}: none of {measured.frequency.size} measured modes pairs with the model by a MAC of "
             f"{threshold:g}; the largest is {pairing.mac.max():.2f}. Check point numbers, places, directions and signs"
         )
-        raise FitError(message)
     first = pair(measured, before, threshold=0.0)
     place = {int(r): int(s) for r, s in zip(first.measured, first.model, strict=True)}
     column = [place[int(r)] for r in pairing.measured]

@@ -296,8 +296,9 @@ def _placed(
     row = {int(n): i for i, n in enumerate(geometry.node)}
     unknown = sorted({int(n) for n in node} - set(row))
     if unknown:
-        message = f"points {unknown} were measured but have no coordinates; add them to the points file"
-        raise PairingError(message)
+        raise PairingError(
+            f"points {unknown} were measured but have no coordinates; add them to the points file"
+        )
     location = geometry.coordinate[[row[int(n)] for n in node]]
     try:
         return places_on(structure, node, location, direction)

@@ -270,11 +270,10 @@ def _paired(measured: ModalModel, modes: Modes, threshold: float) -> Pairing:
     """Return pairs of modes; refuse a fit that leaves none, for its error would be of nothing."""
     pairing = pair(measured, modes, threshold=threshold)
     if pairing.measured.size == 0:
-        message = (
+        raise FitError(
             f"{measured.name}: at the best G_f none of {measured.frequency.size} measured modes pairs with the model "
             f"by a MAC of {threshold:g}; check points and signs, and that all runs are of one state"
         )
-        raise FitError(message)
     return pairing
 
 
@@ -462,12 +461,11 @@ def _modes_that_pair(
     best = max(trials, key=lambda p: float(np.sum(p.subspace_mac)))
     if best.measured.size == 0:
         largest = max(float(p.mac.max()) for p in trials)
-        message = (
+        raise FitError(
             f"{measured.name}: no measured mode reaches a MAC of {threshold:g} with the model for any G_f between "
             f"{bounds[0]:g} and {bounds[1]:g}; the largest is {largest:.2f}. Check point numbers, directions and "
             "signs of the measurement, or lower the threshold."
         )
-        raise FitError(message)
     return best.measured
 
 
@@ -490,16 +488,14 @@ def model_file(campaign: Campaign, job: str) -> Path:
         The campaign names none, or no file of the points, by which shapes are compared.
     """
     if campaign.stack is None:
-        message = (
+        raise FitError(
             f'{campaign.path}: {job} needs the model\'s stack; add stack = "stack.toml" under [structure]'
         )
-        raise FitError(message)
     if campaign.points is None:
-        message = (
+        raise FitError(
             f"{campaign.path}: {job} compares shapes and needs the coordinates of the points; add file = "
             '"points.csv" and its unit under [points]'
         )
-        raise FitError(message)
     return campaign.stack
 
 

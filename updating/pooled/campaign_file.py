@@ -79,17 +79,15 @@ class SpecimenConfigurationSection(Section):
             if value
         ]
         if len(given) != 1:
-            message = (
+            raise ValueError(
                 f"configuration {self.name!r}: give one source of its modes: 'files' or [[specimen.configuration.run]] "
                 f"of FRFs, 'modal_model', or 'modes'; found {', '.join(given) or 'none'}"
             )
-            raise ValueError(message)
         if (self.shapes is None) != (self.force is None) or (self.shapes and not self.modes):
-            message = (
+            raise ValueError(
                 f"configuration {self.name!r}: 'shapes' goes with 'modes' and with 'force', the DOF of the force such "
                 "as '45+z'"
             )
-            raise ValueError(message)
         return self
 
     @property
@@ -267,15 +265,13 @@ def _tabled(
         try:
             return read_result(folder / c.modal_model, ModalModel, edited=True)
         except StoreError as error:
-            message = f"{campaign.path}: {name}: modal_model: {error}"
-            raise FitError(message) from error
+            raise FitError(f"{campaign.path}: {name}: modal_model: {error}") from error
     modes = folder / str(c.modes)
     if c.shapes is None or c.force is None:
         wanted, poles = classes(modes, of)
         return of_classes.modes(f"{modes}: {name}", stack, wanted, poles)
     if campaign.geometry is None:
-        message = f"{campaign.path}: {name}: shapes need [points] with the list of measured points"
-        raise FitError(message)
+        raise FitError(f"{campaign.path}: {name}: shapes need [points] with the list of measured points")
     return modal_model(name, of, modes, folder / c.shapes, campaign.geometry, c.force)
 
 
@@ -299,8 +295,7 @@ def _stack(path: Path, file: Path, specimen: SpecimenSection) -> Stack:
     try:
         return replace(stack, **changes)
     except StackError as error:
-        message = f"{path}: specimen {specimen.name!r}: {error}"
-        raise StackError(message) from error
+        raise StackError(f"{path}: specimen {specimen.name!r}: {error}") from error
 
 
 def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
@@ -323,10 +318,9 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
     if not sections:
         return None
     if content.points is None or content.points.file is None:
-        message = (
+        raise FitError(
             f"{path}: points: this table, or file in it, is missing; FRFs need the list of measured points"
         )
-        raise FitError(message)
     return campaign_of(
         path,
         CampaignFile.model_construct(
@@ -345,8 +339,7 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
 def _require_unique(path: Path, content: SpecimensFile) -> None:
     names = [specimen.name for specimen in content.specimen]
     if len(set(names)) < len(names):
-        message = f"{path}: specimen: names must be unique, found {', '.join(names)}"
-        raise FitError(message)
+        raise FitError(f"{path}: specimen: names must be unique, found {', '.join(names)}")
     faults = [f"{path}: specimen {fault}" for fault in reference_faults(content.specimen)]
     if faults:
         raise FitError("\n".join(faults))
@@ -354,10 +347,9 @@ def _require_unique(path: Path, content: SpecimensFile) -> None:
         states = [c.name for c in specimen.configuration]
         if len(set(states)) < len(states):
             there = ", ".join(states)
-            message = (
+            raise FitError(
                 f"{path}: specimen {specimen.name!r}: configuration: names must be unique, found {there}"
             )
-            raise FitError(message)
 
 
 def _require_files(path: Path, files: list[Path]) -> None:
@@ -365,10 +357,8 @@ def _require_files(path: Path, files: list[Path]) -> None:
         try:
             there_is = file.is_file()
         except OSError as error:  # such as a name that is too long
-            message = f"{path}: {str(file)[:120]}: {error.strerror}"
-            raise FitError(message) from error
+            raise FitError(f"{path}: {str(file)[:120]}: {error.strerror}") from error
         if not there_is:
             there = sorted(sibling.name for sibling in file.parent.glob("*")) if file.parent.is_dir() else []
             hint = did_you_mean(file.name, there) if there else f"there is no folder {file.parent}"
-            message = f"{path}: {file} is not there; {hint}"
-            raise FitError(message)
+            raise FitError(f"{path}: {file} is not there; {hint}")

@@ -64,8 +64,7 @@ class Classes:
         modes, column = solve_by_class(system, observe(system, grid), wanted, G_f=stack.contact.G_f)
         if np.any(column < 0):
             absent = ", ".join(c for c, k in zip(wanted, column, strict=True) if k < 0)
-            message = f"{name}: the model of {stack.name} has no mode of class {absent}"
-            raise FitError(message)
+            raise FitError(f"{name}: the model of {stack.name} has no mode of class {absent}")
         upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::station_step].ravel()
         node, n = grid.node[upwards], upwards.size
         shape = modes.shape[np.ix_(upwards, column)]

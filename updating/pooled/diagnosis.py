@@ -118,8 +118,7 @@ def fit_specimens(
     """
     model, impossible = specimens_model(specimens, effects, executor=executor, reduced=reduced)
     if impossible:
-        message = "; ".join(impossible.values())
-        raise FitError(message)
+        raise FitError("; ".join(impossible.values()))
     return concluded(name, fit_terms(begin(model), tuple(effects)), impossible, "as asked")
 
 
@@ -144,8 +143,7 @@ def specimens_model(
         Measured points do not lie on a stack, or are fewer than the modes.
     """
     if len(specimens) < 2:
-        message = f"a pooled diagnosis needs two specimens or more, found {len(specimens)}"
-        raise FitError(message)
+        raise FitError(f"a pooled diagnosis needs two specimens or more, found {len(specimens)}")
     groups, impossible = groups_of(specimens, effects, scatter=scatter, executor=executor, reduced=reduced)
     return SpecimensModel(specimens, groups, levels_of(specimens), settings=settings), impossible
 

@@ -127,8 +127,7 @@ def _group(
     try:
         evidence = assemble_evidence(candidates, middle.tested, scatter=scatter)
     except FitError as error:
-        message = f"specimen {middle.name}: {error}"
-        raise FitError(message) from error
+        raise FitError(f"specimen {middle.name}: {error}") from error
     tested, observation, first = [], [], [0]
     for i in members:
         for name, pressure, modes in specimens[i].tested:

@@ -88,8 +88,7 @@ def joint_fit(
     """
     settings = settings or FitSettings()
     if not specimens:
-        message = "nothing to fit: no configuration was identified"
-        raise FitError(message)
+        raise FitError("nothing to fit: no configuration was identified")
     labels = tuple(labels or _labels(specimens))
     n_mode = [modes.frequency.size for specimen in specimens for _, _, modes in specimen.tested]
     settings.require(effects, dict(zip(labels, n_mode, strict=True)))

@@ -46,11 +46,9 @@ def read_modes(path: Path, of: Mapping[str, str]) -> dict[str, list[str]]:
     """
     columns = _rows_of(path, _columns(path), of)
     if "frequency_Hz" not in columns:
-        message = f"{path}: no column 'frequency_Hz'; the file has {', '.join(columns) or 'no header'}"
-        raise FitError(message)
+        raise FitError(f"{path}: no column 'frequency_Hz'; the file has {', '.join(columns) or 'no header'}")
     if not columns["frequency_Hz"]:
-        message = f"{path}: holds no mode; expected a row for each"
-        raise FitError(message)
+        raise FitError(f"{path}: holds no mode; expected a row for each")
     return columns
 
 
@@ -94,8 +92,7 @@ def modal_model(
     node = _whole_numbers(shapes, rows, "node")
     absent = sorted(set(node.tolist()) - set(geometry.node.tolist()))
     if absent:
-        message = f"{shapes}: points {absent} are not in the list of points of the campaign file"
-        raise FitError(message)
+        raise FitError(f"{shapes}: points {absent} are not in the list of points of the campaign file")
     sensor = _whole_numbers(shapes, rows, "sensor") if "sensor" in rows else np.zeros(node.size, np.int64)
     return assembled(
         name,
@@ -130,16 +127,14 @@ def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Vector]
     """
     table = read_modes(path, of)
     if "shape_class" not in table:
-        message = (
+        raise FitError(
             f"{path}: no column 'shape_class', such as 'bending 1', which modes without shapes are known by; "
             f"the file has {', '.join(table)}"
         )
-        raise FitError(message)
     names = tuple(table["shape_class"])
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        message = f"{path}: shape_class {', '.join(map(repr, twice))} stands in more than one row"
-        raise FitError(message)
+        raise FitError(f"{path}: shape_class {', '.join(map(repr, twice))} stands in more than one row")
     return names, _poles(path, table)
 
 
@@ -213,8 +208,7 @@ def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -
     if keys and not kept:
         wanted = ", ".join(f"{name} {value!r}" for name, value in given.items())
         there = ", ".join(dict.fromkeys(" ".join(key) for key in keys))
-        message = f"{path}: no row of {wanted}; the file has {there}"
-        raise FitError(message)
+        raise FitError(f"{path}: no row of {wanted}; the file has {there}")
     return {name: [cells[i] for i in kept] for name, cells in columns.items()} if keys else columns
 
 
@@ -222,8 +216,7 @@ def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
     """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones if unstated."""
     frequency = _numbers(path, table, "frequency_Hz")
     if np.any(frequency <= 0.0):
-        message = f"{path}: frequency_Hz must be above 0, found {frequency.min():g}"
-        raise FitError(message)
+        raise FitError(f"{path}: frequency_Hz must be above 0, found {frequency.min():g}")
     blank = [not cell.strip() for cell in table.get("damping", [""] * frequency.size)]
     filled = {
         **table,
@@ -231,8 +224,9 @@ def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
     }
     damping = _numbers(path, filled, "damping")
     if np.any((damping <= 0.0) | (damping >= 1.0)):
-        message = f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}"
-        raise FitError(message)
+        raise FitError(
+            f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}"
+        )
     known = "frequency_std_Hz" in table
     frequency_std = _numbers(path, table, "frequency_std_Hz") if known else FREQUENCY_STD * frequency
     damping_std = (
@@ -251,25 +245,21 @@ def _columns(path: Path) -> dict[str, list[str]]:
             names = [name or "" for name in reader.fieldnames or ()]
             rows = [[str(row[name]) for name in names] for row in reader]
     except (OSError, ValueError, csv.Error) as error:
-        message = f"cannot read {path}: {getattr(error, 'strerror', None) or error}"
-        raise FitError(message) from error
+        raise FitError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
     return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
 def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
     if name not in columns:
-        message = f"{path}: no column {name!r}; the file has {', '.join(columns) or 'no header'}"
-        raise FitError(message)
+        raise FitError(f"{path}: no column {name!r}; the file has {', '.join(columns) or 'no header'}")
     numbers = np.empty(len(columns[name]))
     for i, cell in enumerate(columns[name]):
         try:
             numbers[i] = float(cell)
         except ValueError as error:
-            message = f"{path}: row {i + 2}: {name} is {cell!r}, expected a number"
-            raise FitError(message) from error
+            raise FitError(f"{path}: row {i + 2}: {name} is {cell!r}, expected a number") from error
         if not np.isfinite(numbers[i]):
-            message = f"{path}: row {i + 2}: {name} is {cell!r}, expected a finite number"
-            raise FitError(message)
+            raise FitError(f"{path}: row {i + 2}: {name} is {cell!r}, expected a finite number")
     return numbers
 
 
@@ -279,8 +269,7 @@ def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> NDAr
     odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > largest_number))
     if odd.size:
         i = int(odd[0])
-        message = (
+        raise FitError(
             f"{path}: row {i + 2}: {name} is {columns[name][i]!r}, expected a whole number, at most 1e10"
         )
-        raise FitError(message)
     return numbers.astype(np.int64)

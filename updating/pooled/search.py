@@ -146,8 +146,9 @@ def fit_terms(base_fit: BaseFit, names: Sequence[str]) -> PooledSearch:
         try:
             best = explain(model, terms, common, x)
         except (np.linalg.LinAlgError, ValueError) as error:
-            message = f"the stacks have no modes with {', '.join(term.name for term in terms)}"
-            raise FitError(message) from error
+            raise FitError(
+                f"the stacks have no modes with {', '.join(term.name for term in terms)}"
+            ) from error
     model, common, _ = settled(model, common, best)
     if best.terms:
         best = explain(model, [model.terms[n] for n in best.terms], common, best.x)

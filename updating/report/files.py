@@ -88,12 +88,11 @@ def find_browser() -> Path:
     program = next((path for path in map(shutil.which, NAMES) if path is not None), None)
     program = program or next((path for path in _PATHS if Path(path).is_file()), None)
     if program is None:
-        message = (
+        raise StoreError(
             "no browser to print a PDF with. Install one: `apt install chromium` on Debian, `snap install chromium` on "
             "Ubuntu, `dnf install chromium` on Fedora, else Google Chrome or Microsoft Edge, so that one of "
             f"{', '.join(NAMES[:4])} or msedge is on PATH; or open report.html in any browser and print it"
         )
-        raise StoreError(message)
     return Path(program)
 
 
@@ -121,12 +120,10 @@ def print_pdf(page: Path) -> Path:
                 check=False,
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            message = f"{browser} could not print {page}: {error}"
-            raise StoreError(message) from error
+            raise StoreError(f"{browser} could not print {page}: {error}") from error
         if not printed.exists():
             last = (process.stderr.strip().splitlines() or ["it said nothing"])[-1]
-            message = f"{browser} printed nothing of {page} (exit code {process.returncode}): {last}"
-            raise StoreError(message)
+            raise StoreError(f"{browser} printed nothing of {page} (exit code {process.returncode}): {last}")
         content = printed.read_bytes()
     path = page.with_suffix(".pdf")
     write_bytes(path, content)

@@ -111,8 +111,9 @@ def _chosen(parts: tuple[Section, ...], only: Sequence[str]) -> tuple[Section, .
     """Return the sections whose titles begin with one of the words that are asked for."""
     for word in only:
         if not any(part.title.lower().startswith(word.lower()) for part in parts):
-            message = f"no section of the report begins with {word!r}; there are: {', '.join(p.title for p in parts)}"
-            raise StoreError(message)
+            raise StoreError(
+                f"no section of the report begins with {word!r}; there are: {', '.join(p.title for p in parts)}"
+            )
     beginnings = tuple(word.lower() for word in only)
     return tuple(part for part in parts if not beginnings or part.title.lower().startswith(beginnings))
 

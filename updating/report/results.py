@@ -144,8 +144,7 @@ class Tested:
             There are none, as the modes were read, or they cannot be read.
         """
         if not self.has_functions:
-            message = f"{self.name}: {self.no_functions}"
-            raise StoreError(message)
+            raise StoreError(f"{self.name}: {self.no_functions}")
         return read_frf(self.folder / "measurement.npz")
 
 
@@ -220,15 +219,13 @@ def read_results(folder: Path, *, keep: bool = False) -> Results:
     if (folder / "campaign.json").exists():
         results = _read_campaign(folder, reader)
     else:
-        message = (
+        raise StoreError(
             f"{folder}: no campaign.json to report on; make results with: lamella fit CAMPAIGN -o {folder}"
         )
-        raise StoreError(message)
     if not results.tested:
-        message = (
+        raise StoreError(
             f"{folder}: none of its configurations is done; go on with: lamella fit CAMPAIGN -o {folder}"
         )
-        raise StoreError(message)
     return results
 
 
@@ -245,8 +242,9 @@ class _Reader:
         """Return a result without which there is nothing to show; a fault is an error, or a remark if kept."""
         fault = self._fault(path)
         if fault and not self._keep:
-            message = f"{path}: {fault}; make it anew with the command that made it, or use it with --keep"
-            raise StoreError(message)
+            raise StoreError(
+                f"{path}: {fault}; make it anew with the command that made it, or use it with --keep"
+            )
         return self._read(path, kind, fault)
 
     def optional(self, path: Path, kind: type[T]) -> T | None:

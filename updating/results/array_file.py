@@ -167,8 +167,7 @@ class _Flattening:
             return "mapping", "", {key: self._item(item) for key, item in value.items()}
         if kind in (tuple, list):
             return "items", kind.__name__, [self._item(item) for item in value]
-        message = f"a {kind.__name__} cannot be written as arrays"
-        raise TypeError(message)
+        raise TypeError(f"a {kind.__name__} cannot be written as arrays")
 
 
 _KIND = "arrays of Lamella"
@@ -236,8 +235,7 @@ def _arrays(body: Buffer, start: int, shapes: list[Any]) -> Iterator[NDArray[Any
     for kind, shape in shapes:
         dtype = np.dtype(kind)
         if dtype.kind not in _NUMBERS:
-            message = f"not an array of numbers: {kind}"
-            raise ValueError(message)
+            raise ValueError(f"not an array of numbers: {kind}")
         size = int(np.prod(shape)) * dtype.itemsize
         yield body[start : start + size].view(dtype).reshape(shape)
         start += size + -size % _ALIGNED

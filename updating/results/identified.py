@@ -93,11 +93,10 @@ def campaign_file(folder: Path) -> Path:
     for file in _likely(folder, named):
         if file.is_file() and file_digest(file) in digests:
             return _short(file)
-    message = (
+    raise StoreError(
         f"{folder}: these results come from {named}, which is not there; open the campaign file itself: lamella "
         f"open CAMPAIGN -o {folder}"
     )
-    raise StoreError(message)
 
 
 def _likely(folder: Path, named: Path) -> Iterator[Path]:
@@ -177,10 +176,9 @@ def chosen_poles(campaign: Campaign, output: Path, given: Path | None = None) ->
         }
         existing = {name: file for name, file in files.items() if file.exists()}
         if not existing:
-            message = (
+            raise StoreError(
                 f"{given}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
             )
-            raise StoreError(message)
         for name, file in existing.items():
             keep_choice(file, output / folder_name(name))
     places = [output, *(p for p in output.parents[:_ABOVE] if _is_of(campaign, p))]
@@ -523,8 +521,7 @@ def _check_folders(campaign: Campaign) -> None:
     for configuration in campaign.configurations:
         first = names.setdefault(folder_name(configuration.name).casefold(), configuration.name)
         if first != configuration.name:
-            message = (
+            raise StoreError(
                 f"{campaign.path}: configurations {first!r} and {configuration.name!r} would both be written to the "
                 f"folder {folder_name(configuration.name)}; give them names that differ in letters or digits"
             )
-            raise StoreError(message)

@@ -91,19 +91,18 @@ def read_result(path: Path, kind: type[T], *, edited: bool = False) -> T:
     """
     document = read_document(path)
     if document.get("kind") != kind.__name__:
-        message = f"{path}: expected a {kind.__name__}, found {document.get('kind')!r}"
-        raise StoreError(message)
+        raise StoreError(f"{path}: expected a {kind.__name__}, found {document.get('kind')!r}")
     try:
         result = _CONVERTER.structure(document["result"], kind)
     except Exception as error:  # cattrs, pydantic and the types themselves raise what they like
-        message = f"{path}: not a complete {kind.__name__}; write it anew with the command that made it"
-        raise StoreError(message) from error
+        raise StoreError(
+            f"{path}: not a complete {kind.__name__}; write it anew with the command that made it"
+        ) from error
     if not edited and not is_intact(document):
-        message = (
+        raise StoreError(
             f"{path}: was changed after it was written; write it anew with the command that made it, or use it as it "
             "is with --keep"
         )
-        raise StoreError(message)
     return result
 
 
@@ -178,16 +177,13 @@ def read_document(path: Path) -> dict[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        message = f"cannot read {path}: {error.strerror}"
-        raise StoreError(message) from error
+        raise StoreError(f"cannot read {path}: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
-        message = f"{path}: not a JSON file ({error})"
-        raise StoreError(message) from error
+        raise StoreError(f"{path}: not a JSON file ({error})") from error
     if not isinstance(document, dict) or not {"kind", "provenance", "result"} <= document.keys():
-        message = (
+        raise StoreError(
             f"{path}: not a result of Lamella; expected an object with 'kind', 'provenance' and 'result'"
         )
-        raise StoreError(message)
     return document
 
 
@@ -241,8 +237,7 @@ def read_frf(path: Path) -> FRF:
                 reciprocal=bool(archive["reciprocal"]),
             )
     except Exception as error:  # zip, deflate and NumPy raise what they like at damaged archives
-        message = f"cannot read the FRFs in {path}: {error}"
-        raise StoreError(message) from error
+        raise StoreError(f"cannot read the FRFs in {path}: {error}") from error
 
 
 def versions() -> dict[str, str]:
@@ -296,8 +291,7 @@ def file_digest(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        message = f"cannot read {path}: {error.strerror}"
-        raise StoreError(message) from error
+        raise StoreError(f"cannot read {path}: {error.strerror}") from error
 
 
 def _plain(array: NDArray[Any]) -> Any:
@@ -343,8 +337,7 @@ def _by_fields(value: Any, kind: Any) -> Any:
     for member in _members(kind):
         if {f.name for f in fields(member)} == set(value):
             return _CONVERTER.structure(value, member)
-    message = f"no type of {kind} has the fields {', '.join(value)}"
-    raise ValueError(message)
+    raise ValueError(f"no type of {kind} has the fields {', '.join(value)}")
 
 
 def _make_converter() -> cattrs.Converter:

@@ -137,8 +137,7 @@ def poles(
                 break
             last = step
         else:
-            message = f"the damped mode near {abs(given) / 2 / np.pi:.6g} Hz does not converge"
-            raise SolveError(message)
+            raise SolveError(f"the damped mode near {abs(given) / 2 / np.pi:.6g} Hz does not converge")
         found[r], shapes[:, r] = s, x
     return found, shapes
 

@@ -133,15 +133,12 @@ class VirtualTest:
         n = {**dict.fromkeys(STRUCTURE, 1), **dict.fromkeys(ASSEMBLY, len(self.configurations))}
         for name in (*self.deviation, *self.spread):
             if name not in n:
-                message = f"deviation {name!r}: unknown; there are {', '.join(n)}"
-                raise FitError(message)
+                raise FitError(f"deviation {name!r}: unknown; there are {', '.join(n)}")
             if name in self.deviation and name in self.spread:
-                message = f"deviation {name!r}: either given or drawn from a spread, not both"
-                raise FitError(message)
+                raise FitError(f"deviation {name!r}: either given or drawn from a spread, not both")
         for name, values in self.deviation.items():
             if len(values) != n[name]:
-                message = f"deviation {name!r}: needs {n[name]} value(s), got {len(values)}"
-                raise FitError(message)
+                raise FitError(f"deviation {name!r}: needs {n[name]} value(s), got {len(values)}")
 
     @property
     def frequency(self) -> NDArray[np.float64]:
@@ -193,8 +190,7 @@ def specimens(test: VirtualTest) -> tuple[Specimen, ...]:
 
     nominal = test.stack
     if nominal.outline is not None and {"length", "width"} & set(deviation):
-        message = "deviations of length and width need a rectangular plan; an outline has its own size"
-        raise FitError(message)
+        raise FitError("deviations of length and width need a rectangular plan; an outline has its own size")
     size = np.array([factor("length"), factor("width"), factor("height")])
     stack = replace(
         nominal,
@@ -314,8 +310,7 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
             file_format=measurement.format,
         )
     except FitError as error:
-        message = f"{path}: {error}"
-        raise FitError(message) from error
+        raise FitError(f"{path}: {error}") from error
 
 
 def _with_shaker(edges: Geometry, place_mm: Sequence[float]) -> Geometry:
@@ -355,8 +350,9 @@ def _effects(
         allowed = [p.name for p in effect.parameters]
         for name, value in entry.values.items():
             if name not in allowed:
-                message = f"{path}: effect {effect.name}: no parameter {name!r}; it has {', '.join(allowed)}"
-                raise FitError(message)
+                raise FitError(
+                    f"{path}: effect {effect.name}: no parameter {name!r}; it has {', '.join(allowed)}"
+                )
             values[name] = value
     return effects, values
 
@@ -398,16 +394,15 @@ class _Measurement(Section):
     @model_validator(mode="after")
     def _one_kind_of_noise(self) -> _Measurement:
         if (self.noise is None) == (self.averages is None):
-            message = (
+            raise ValueError(
                 "give either 'noise', of the FRFs, or 'averages' with 'force_noise' and 'response_noise'"
             )
-            raise ValueError(message)
         if self.averages is None and (self.force_noise or self.response_noise):
-            message = "'force_noise' and 'response_noise' belong to 'averages'"
-            raise ValueError(message)
+            raise ValueError("'force_noise' and 'response_noise' belong to 'averages'")
         if not 0 < self.band_Hz[0] < self.band_Hz[1]:
-            message = f"band_Hz must be [lower, upper] with 0 < lower < upper, found {list(self.band_Hz)}"
-            raise ValueError(message)
+            raise ValueError(
+                f"band_Hz must be [lower, upper] with 0 < lower < upper, found {list(self.band_Hz)}"
+            )
         return self
 
 

@@ -154,8 +154,7 @@ def write_identification(campaign: Path, band: tuple[float, float], order: int) 
     try:
         content = tomlkit.parse(plain_bytes(campaign).decode("utf-8-sig"))
     except (OSError, UnicodeDecodeError, TOMLKitError) as error:
-        message = f"{campaign}: cannot be read: {error}"
-        raise StoreError(message) from error
+        raise StoreError(f"{campaign}: cannot be read: {error}") from error
     section = content.setdefault(_SECTION, tomlkit.table())
     section["band_Hz"] = list(band)
     section["order"] = order

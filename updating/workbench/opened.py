@@ -75,11 +75,10 @@ def find(path: Path, output: Path | None, make: Callable[[Path, Path], object]) 
         return Opened(campaign=campaign_file(path), folder=path)
     file = path / _FILE if (path / _FILE).exists() else path
     if not file.is_file():
-        message = (
+        raise StoreError(
             f"{path}: nothing to open; give a campaign file, a folder with a campaign.toml, or a folder of results "
             "with a campaign.json"
         )
-        raise StoreError(message)
     folder = output if output is not None else Path("out") / file.absolute().parent.name
     if not (folder / "campaign.json").exists():
         make(file, folder)

@@ -164,11 +164,10 @@ def page(opened: Opened) -> Any:
     results = opened.results()
     names = [tested.name for tested in results.tested]
     if not names:
-        message = (
+        raise StoreError(
             f"{opened.folder}: a table of modes has no functions or shapes to open; make its page with: lamella report "
             f"{opened.folder}"
         )
-        raise StoreError(message)
     server = get_server("lamella", client_type="vue3")
     server.state.update(
         {

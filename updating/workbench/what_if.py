@@ -252,11 +252,10 @@ def _paired(tried: Tried, values: Sequence[Mapping[str, float]]) -> NDArray[np.b
     pairs = [pair(tried.measured, tried.solved(own).elastic(), threshold=LEAST_MAC) for own in values]
     best = max(pairs, key=lambda p: float(np.sum(p.subspace_mac)))
     if best.measured.size == 0:
-        message = (
+        raise FitError(
             f"{tried.measured.name}: no measured mode reaches a MAC of {LEAST_MAC:g} with the model; check point "
             "numbers, directions and signs"
         )
-        raise FitError(message)
     return np.isin(np.arange(tried.used.size), best.measured)
 
 

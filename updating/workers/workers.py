@@ -218,11 +218,10 @@ def _pool(n_process: int) -> Iterator[Executor]:
         starting.join()
         executor.shutdown()
     except BrokenProcessPool as error:
-        message = (
+        raise WorkerError(
             "a worker process was killed, perhaps for want of memory; what was done is kept, "
             "and the same command goes on from there"
-        )
-        raise WorkerError(message) from error
+        ) from error
     finally:
         starting.join()
         end.close()
@@ -265,19 +264,18 @@ def _on_cluster(address: str) -> Iterator[Executor]:
     try:
         from updating.workers.cluster import LOST, connect  # here: few have Dask
     except ImportError as error:
-        message = f'--cluster needs Dask, which is not installed ({error}): pip install "lamella[cluster]"'
-        raise WorkerError(message) from error
+        raise WorkerError(
+            f'--cluster needs Dask, which is not installed ({error}): pip install "lamella[cluster]"'
+        ) from error
     try:
         client = connect(address)
     except (OSError, ValueError) as error:
-        message = f"no Dask scheduler answers at {address}: {error}"
-        raise WorkerError(message) from error
+        raise WorkerError(f"no Dask scheduler answers at {address}: {error}") from error
     with client:
         try:
             yield client.get_executor(pure=False)
         except LOST as error:
-            message = (
+            raise WorkerError(
                 f"the cluster at {address} lost a task: {error}. What was done is kept, "
                 "and the same command goes on from there"
-            )
-            raise WorkerError(message) from error
+            ) from error
