@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.units import parse_unit
 from ema.types.errors import MeasurementError
-from lamella_shared import readonly
+from lamella_shared import arrays
 
 Position = Annotated[int, Field(ge=1)]
 
@@ -89,6 +89,7 @@ class Averaging(BaseModel):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"line": "frequency", "function line": "value coherence"})
 class FRFEstimate:
     """Functions estimated from averaged spectra.
 
@@ -111,15 +112,6 @@ class FRFEstimate:
     coherence: NDArray[np.float64] | None
     n_average: int
     decay_rate: float
-
-    def __post_init__(self) -> None:
-        frequency = readonly("FRFEstimate", "frequency", self.frequency, (None,))
-        value = readonly("FRFEstimate", "value", self.value, (None, frequency.size), complex)
-        object.__setattr__(self, "frequency", frequency)
-        object.__setattr__(self, "value", value)
-        if self.coherence is not None:
-            coherence = readonly("FRFEstimate", "coherence", self.coherence, value.shape)
-            object.__setattr__(self, "coherence", coherence)
 
 
 def estimate_frf(
@@ -354,6 +346,14 @@ def pulse_samples(force: NDArray[np.float64]) -> int:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "line": "frequency",
+        "output input line": "value partial_coherence",
+        "output line": "multiple_coherence",
+        "input line": "independent",
+    }
+)
 class FRFMatrixEstimate:
     """Functions of several forces estimated from averaged spectra.
 
@@ -382,18 +382,6 @@ class FRFMatrixEstimate:
     independent: NDArray[np.float64]
     n_average: int
     decay_rate: float
-
-    def __post_init__(self) -> None:
-        frequency = readonly("FRFMatrixEstimate", "frequency", self.frequency, (None,))
-        value = readonly("FRFMatrixEstimate", "value", self.value, (None, None, frequency.size), complex)
-        object.__setattr__(self, "frequency", frequency)
-        object.__setattr__(self, "value", value)
-        for name, shape in (
-            ("partial_coherence", value.shape),
-            ("multiple_coherence", (value.shape[0], frequency.size)),
-            ("independent", (value.shape[1], frequency.size)),
-        ):
-            object.__setattr__(self, name, readonly("FRFMatrixEstimate", name, getattr(self, name), shape))
 
 
 def estimate_frf_matrix(

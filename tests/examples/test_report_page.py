@@ -15,11 +15,10 @@ from threading import Event, Thread
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from ema.modal.mac import frac
 from tests.accessible import faults, settled, unreached
-from updating.commands.report import window
+from updating.commands.report import view_command
 from updating.errors import StoreError
 from updating.report import page as page_module
 from updating.report.files import NAMES, print_pdf
@@ -484,24 +483,16 @@ def test_the_page_is_small_and_says_what_the_results_say(page):
     assert "Nothing to locate" in text
 
 
-def test_the_window_shows_a_chosen_mode_that_moves(demo, tmp_path):
-    tested = read_results(demo[0]).tested[0]
-    plotter = window(tested, off_screen=True)
-    try:
-        plotter.screenshot(tmp_path / "first.png")
-        slider = getattr(plotter, "widgets", plotter).slider_widgets[0]
-        slider.GetRepresentation().SetValue(3.0)
-        slider.InvokeEvent("EndInteractionEvent")
-        plotter.screenshot(tmp_path / "third.png")
-    finally:
-        plotter.close()
-    first, third = (
-        np.asarray(Image.open(tmp_path / f"{n}.png").convert("L"), float) for n in ("first", "third")
-    )
-    above = first.shape[0] // 2
-    assert np.mean(first[:above] < 200) > 0.005  # something is drawn
-    assert np.mean(np.abs(first - third)[:above] > 50) > 0.005
-    assert np.mean(np.abs(first - third)[above:] > 50) < 0.001  # the chart stays
+def test_the_shapes_of_one_configuration_open_in_the_browser(demo, tmp_path, monkeypatch):
+    folder = shutil.copytree(demo[0], tmp_path / "out", ignore=shutil.ignore_patterns("figures", "report.*"))
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    view_command(folder, "M2")
+    assert opened == [(folder / "view.html").as_uri()]
+    headings = re.findall(r"<h2>(.*?)</h2>", (folder / "view.html").read_text(encoding="utf-8"))
+    assert headings == ["Mode shapes of M2", "FRFs of M2"]
+    with pytest.raises(StoreError, match="no configuration 'M3'; there are M1, M2"):
+        view_command(folder, "M3")
 
 
 def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tmp_path, monkeypatch):

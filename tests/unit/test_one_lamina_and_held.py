@@ -9,8 +9,7 @@ from model.effects.soft_interlayers import terms as soft_interlayers
 from model.modes.refinement import refine
 from model.stack.parts import EdgeSupport
 from tests.enrichment import enriched
-from updating.commands.model import AddedEffects, solve
-from updating.commands.terminal import OUT
+from updating.commands.model import solve
 
 STEEL = model.Material(young=2e11, poisson=0.3, density=7850.0)
 CONTACT = model.Contact(G_f=1000.0, d_f=1e-11, pressure=2e5, normal_modulus=1e9)
@@ -100,9 +99,9 @@ def test_a_file_of_one_lamina_needs_no_contact(tmp_path):
 def test_as_many_modes_of_a_held_stack_as_are_asked_for(tmp_path):
     path = tmp_path / "stack.toml"
     path.write_text(f'{FILE}\n[[supports]]\nedge = "left"\ncondition = "clamped"\n')
-    found = solve(path, tmp_path / "out", 3, 1e-4, OUT, AddedEffects())
-    assert found.modes.frequency.size == 3
-    assert found.verification.error.shape == (3,)
+    modes, verification = solve(model.read_stack(path), (path,), tmp_path / "out", 3, 1e-4)
+    assert modes.frequency.size == 3
+    assert verification.error.shape == (3,)
 
 
 @pytest.mark.parametrize(("translation", "rotation"), [(1e8, 1e3), (1e6, 1e7), (1e4, 0.1)])

@@ -11,7 +11,7 @@ from ema.types.threads import single_threaded
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.fit import LedgerRequest, campaign_ledger, fit_campaign
 from updating.commands.report import make_report
-from updating.commands.terminal import OUT
+from updating.commands.terminal import OUT, table_of
 from updating.correlation.pairing import LEAST_MAC
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import FitError, StoreError
@@ -66,7 +66,7 @@ def _installed(name: str) -> Path:
 def demo_command(output: Path) -> None:
     """Take every step on the shipped campaign, and print what each shows."""
     campaign = shipped_data("demo_diagnosis") / "campaign.toml"
-    _say(
+    OUT.print(
         "A vibration test of a bolted stack of 240 sheets at two torques: a shaker, two accelerometers that rove over "
         "44 points. It was simulated with noise and tolerances by a model that shares nothing with this one."
     )
@@ -79,40 +79,37 @@ def demo_command(output: Path) -> None:
         f"{result.modal_model.frequency.size} at {result.modal_model.name}" for result, _ in done
     )
     errors = " and ".join(f"{percent(fitted.error)} at {fitted.name}" for _, fitted in done)
-    _say(f"1. Identify: {modes} are the modes that the functions show.")
-    _say(f"2. Fit G_f and d_f: the model's frequencies are then off by {errors} in the mean.")
+    OUT.print(f"1. Identify: {modes} are the modes that the functions show.")
+    OUT.print(f"2. Fit G_f and d_f: the model's frequencies are then off by {errors} in the mean.")
     answer = diagnose_campaign(campaign, output, (), OUT)
-    _say(f"3. Diagnose: {answer.sentences[0]}")
+    OUT.print(f"3. Diagnose: {answer.sentences[0]}")
     if not answer.set:
         raise FitError(f"{campaign}: nothing was named, where lost contact was planted")
     entries = campaign_ledger(done, LedgerRequest(effects=answer.set[0]), campaign, output)
     before, after = entries[0], entries[-1]
-    _say(
+    OUT.print(
         f"4. Add it: of modes that were fitted the error falls from {percent(before.error)} to {percent(after.error)}, "
         f"of modes that were not from {percent(before.mode_error)} to {percent(after.mode_error)}."
     )
     OUT.print(_mode_by_mode(answer))
-    _say(f"Report: {make_report(output)}")
-    _say(
+    OUT.print(f"Report: {make_report(output)}")
+    OUT.print(
         f"Step by step: lamella fit {campaign} -o {output}, then lamella diagnose with the same words; it ends with "
         "the command that adds what was identified."
     )
 
 
-def _say(sentence: str) -> None:
-    OUT.print(sentence, markup=False, highlight=False)
-
-
 def _mode_by_mode(answer: Diagnosis) -> Table:
     """Return the errors of all modes before and after."""
-    table = Table(title="Frequency errors of the model", title_justify="left")
-    for heading in ("mode", "measured [Hz]", "without [%]", "with [%]"):
-        table.add_column(heading, justify="right")
-    for mode in answer.errors:
-        table.add_row(
-            f"{mode.configuration}, {mode.mode}",
-            f"{mode.frequency:.2f}",
-            f"{100 * mode.base:+.2f}",
-            f"{100 * mode.explained:+.2f}",
+    rows = [
+        (
+            f"{m.configuration}, {m.mode}",
+            f"{m.frequency:.2f}",
+            f"{100 * m.base:+.2f}",
+            f"{100 * m.explained:+.2f}",
         )
-    return table
+        for m in answer.errors
+    ]
+    return table_of(
+        "Frequency errors of the model", ("mode", "measured [Hz]", "without [%]", "with [%]"), rows
+    )

@@ -17,7 +17,7 @@ from ema.types.threads import single_threaded
 from model import Stack, catalogue, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
-from updating.commands.terminal import MOST_EXPLANATIONS, OUT, progress
+from updating.commands.terminal import MOST_EXPLANATIONS, OUT, print_lines, print_results, progress, table_of
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.cached_model import cached_model
@@ -85,28 +85,26 @@ def diagnose_changes(
     tests = every_identified(assignments(campaign, output, keep=keep), "identify", console, cluster)
     changes, lost = compared(campaign, tests)
     changes = tuple(sorted(changes, key=lambda change: not change.changed))
-    for line in lost:
-        console.print(line, markup=False, highlight=False)
+    print_lines(console, lost, indent="")
     if campaign.stack is None or campaign.points is None:
         for change in changes:
-            console.print(f"{change_sentence(change)}.", markup=False, highlight=False)
+            console.print(f"{change_sentence(change)}.")
         what = 'stack = "stack.toml" under [structure]' if campaign.stack is None else "file under [points]"
-        console.print(f"What changed, and where, takes a model: add {what}.", markup=False, highlight=False)
+        console.print(f"What changed, and where, takes a model: add {what}.")
         return ()
     models = _Models(campaign, tests, None if scatter_file is None else read_scatter(scatter_file))
     stated = () if scatter_file is None else (scatter_file,)
     answers = []
     inputs = (campaign_file, *_model_inputs(campaign.stack), *stated)
     for change in changes:
-        console.print(f"{change_sentence(change)}.", markup=False, highlight=False)
+        console.print(f"{change_sentence(change)}.")
         try:
             with progress(f"what changed in {change.name}", console):
                 answer = models.kept(change, inputs, keep=keep)
         except FitError as error:
-            console.print(f"{change.name}, what and where: {error}", markup=False, highlight=False)
+            console.print(f"{change.name}, what and where: {error}")
             continue
-        for sentence in answer.sentences:
-            console.print(f"  {sentence}", markup=False, highlight=False)
+        print_lines(console, answer.sentences)
         answers.append(answer)
     return tuple(answers)
 
@@ -201,27 +199,20 @@ def diagnose_command(
         return
     if not reference and changed_names(read_campaign(campaign)):
         diagnose_changes(campaign, output, OUT, scatter_file=scatter, cluster=cluster, keep=keep)
-        OUT.print(
-            f"Results in {output}; make a page of them: lamella report {output}",
-            highlight=False,
-            markup=False,
-        )
+        print_results(OUT, output)
         return
     diagnosis = diagnose_campaign(
         campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster, keep=keep
     )
-    for sentence in diagnosis.sentences:
-        OUT.print(sentence, highlight=False, markup=False)
+    print_lines(OUT, diagnosis.sentences, indent="")
     OUT.print(diagnosis_table(diagnosis))
     print_measurement_findings(campaign, output, keep=keep)
     options = [("--effect-file", str(path)) for path in effect_file]
     options += [] if scatter is None else [("--scatter", str(scatter))]
     added = next_command(diagnosis, str(campaign), str(output), options)
     if added is not None:
-        OUT.print(f"Add it and see the error fall: {added}", highlight=False, markup=False, soft_wrap=True)
-    OUT.print(
-        f"Results in {output}; make a page of them: lamella report {output}", highlight=False, markup=False
-    )
+        OUT.print(f"Add it and see the error fall: {added}", soft_wrap=True)
+    print_results(OUT, output)
 
 
 def diagnose_campaign(
@@ -368,25 +359,23 @@ def print_measurement_findings(campaign_file: Path, output: Path, *, keep: bool 
     """Print the findings about the measurement on which an answer rests."""
     results = every_identified(assignments(read_campaign(campaign_file), output, keep=keep), "identify", OUT)
     followed = [result.configuration.name for result in results if stored_amplitude(result) is not None]
-    for sentence in measurement_findings(results, followed):
-        OUT.print(sentence, highlight=False, markup=False)
+    print_lines(OUT, measurement_findings(results, followed), indent="")
 
 
 def diagnosis_table(diagnosis: Diagnosis) -> Table:
     """Return the explanations that were fitted in full, the most probable first; the page has their parameters."""
-    table = Table(title="Explanations", title_justify="left")
-    table.add_column("effects", no_wrap=True)
-    for name in ("proba-\nbility", "explained\n[%]", "f error\n[%]", "left out\n[%]"):
-        table.add_column(name, justify="right")
-    for explanation in diagnosis.shown(MOST_EXPLANATIONS):
-        table.add_row(
+    rows = [
+        (
             " +\n".join(explanation.effects) or "none",
             f"{explanation.probability:.3f}",
             f"{100 * explanation.explained:.0f}",
             in_percent(explanation.frequency_error),
             in_percent(explanation.left_out_error),
         )
-    return table
+        for explanation in diagnosis.shown(MOST_EXPLANATIONS)
+    ]
+    header = ("effects", "proba-\nbility", "explained\n[%]", "f error\n[%]", "left out\n[%]")
+    return table_of("Explanations", header, rows, words=(0,))
 
 
 @single_threaded
@@ -404,20 +393,16 @@ def next_test_command(
     read_stack(model_file(read_campaign(campaign), "a further test"))  # tests are of stacks
     diagnosis = diagnose_campaign(campaign, output, effect_file, OUT, scatter_file=scatter)
     if not diagnosis.next_tests:
-        OUT.print(f"Nothing to separate: the verdict is {diagnosis.verdict!r}.", highlight=False)
+        OUT.print(f"Nothing to separate: the verdict is {diagnosis.verdict!r}.")
     else:
         OUT.print(next_test_table(diagnosis))
     further = second_level_text(diagnosis)
     if further is not None:
-        OUT.print(further, highlight=False, markup=False)
+        OUT.print(further)
     print_measurement_findings(campaign, output)
 
 
 def next_test_table(diagnosis: Diagnosis) -> Table:
     """Return the further tests, the one that separates best first."""
-    table = Table(title="Further tests", title_justify="left")
-    for name, justify in (("test", "left"), ("smallest distance", "right"), ("now", "right")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    for test in diagnosis.next_tests:
-        table.add_row(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}")
-    return table
+    rows = [(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}") for test in diagnosis.next_tests]
+    return table_of("Further tests", ("test", "smallest distance", "now"), rows, words=(0,))

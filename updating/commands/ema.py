@@ -41,7 +41,7 @@ from ema.plot.figures import (
 )
 from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
-from updating.commands.terminal import OUT
+from updating.commands.terminal import OUT, print_lines, print_results, table_of
 from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (
     Assignment,
@@ -74,17 +74,16 @@ def ema_command(
     results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)
     for result in results:
         OUT.print(modes_table(result.modal_model, result.quality.explained))
-        print_findings(result)
+        print_lines(OUT, result.quality.findings)
         print_amplitude(result)
     if comparison is not None and len(results) > 1:
-        for table in comparison_tables(comparison, OUT.width):
-            OUT.print(table)
-        for repeat in repeats([result.configuration for result in results], comparison):
-            OUT.print(f"  {repeat.finding}", markup=False, highlight=False)
-    print_campaign_findings(results)
+        OUT.print(*comparison_tables(comparison, OUT.width))
+        contradictions = repeats([result.configuration for result in results], comparison)
+        print_lines(OUT, [repeat.finding for repeat in contradictions])
+    print_lines(OUT, campaign_findings(results))
     print_changes(read_campaign(campaign), results)
     if results:
-        OUT.print(f"Results in {output}; make a page of them with: lamella report {output}")
+        print_results(OUT, output)
     require_none(failed, len(results) + len(failed))
 
 
@@ -175,27 +174,29 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
 
     Where a shape is too complex to be compared as real, a column has the MPC of all.
     """
-    table = Table(
-        title=f"{measured.name}: {measured.frequency.size} modes in {_band(measured)}"
-        + (f", read from {Path(measured.read_from).name}" if measured.read_from else ""),
-        title_justify="left",
+    title = (
+        f"{measured.name}: {measured.frequency.size} modes in {measured.band[0]:g} to {measured.band[1]:g} Hz"
     )
+    title += f", read from {Path(measured.read_from).name}" if measured.read_from else ""
     complexities = complexity(measured)
-    notable = bool(np.any(complexities.is_complex))
     columns = ["mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]"]
-    columns += [] if measured.read_from else ["explained [%]", "least, channel"]
-    for name in (*columns, *(("MPC",) if notable else ())):
-        table.add_column(name, justify="right")
     numbers = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
-    for r, (f, f_std, xi, xi_std) in enumerate(zip(*numbers, strict=True)):
-        cells = [str(r + 1), frequency_text(f, 3), f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}"]
-        if not measured.read_from:
-            cells += _explained(explained.around[r], explained.share[:, r], explained.channel)
-        table.add_row(*cells, *((f"{complexities.mpc[r]:.3f}",) if notable else ()))
+    rows = [
+        [str(r + 1), frequency_text(f, 3), f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}"]
+        for r, (f, f_std, xi, xi_std) in enumerate(zip(*numbers, strict=True))
+    ]
     if not measured.read_from:
-        whole = _explained(explained.mean, explained.whole, explained.channel)
-        table.add_row("all", "", "", "", "", *whole)
-    return table
+        columns += ["explained [%]", "least, channel"]
+        shares = zip(explained.around, explained.share.T, strict=True)
+        rows = [
+            [*row, *_explained(*share, explained.channel)] for row, share in zip(rows, shares, strict=True)
+        ]
+    if np.any(complexities.is_complex):
+        columns.append("MPC")
+        rows = [[*row, f"{mpc:.3f}"] for row, mpc in zip(rows, complexities.mpc, strict=True)]
+    if not measured.read_from:
+        rows.append(["all", "", "", "", "", *_explained(explained.mean, explained.whole, explained.channel)])
+    return table_of(title, columns, rows)
 
 
 def _explained(mean: float, share: NDArray[np.float64], channel: tuple[str, ...]) -> tuple[str, str]:
@@ -204,10 +205,6 @@ def _explained(mean: float, share: NDArray[np.float64], channel: tuple[str, ...]
         return "-", "-"
     least = int(np.argmin(share))
     return f"{100 * mean:.1f}", f"{100 * share[least]:.0f}, {channel[least]}"
-
-
-def _band(measured: ModalModel) -> str:
-    return f"{measured.band[0]:g} to {measured.band[1]:g} Hz"
 
 
 def comparison_tables(comparison: Comparison, width: int) -> Iterator[Table]:
@@ -220,30 +217,21 @@ def comparison_tables(comparison: Comparison, width: int) -> Iterator[Table]:
     longest_name = 24  # characters on one line
     names = min(max(len(name) for name in comparison.name), longest_name)
     fit = max(1, (width - names - 4) // mode_column)
-    for first in range(0, comparison.frequency.shape[1], fit):
-        yield _comparison_table(comparison, slice(first, first + fit), names)
-
-
-def _comparison_table(comparison: Comparison, modes: slice, names: int) -> Table:
-    frequency, damping = comparison.frequency[:, modes], comparison.damping[:, modes]
     title = "The same modes in all configurations: frequency [Hz], damping [%]"
-    table = Table(title=title if modes.start == 0 else None, title_justify="left")
-    table.add_column("", min_width=names, overflow="fold")
-    for f in np.nanmean(frequency, axis=0):
-        table.add_column(f"{frequency_text(f, 0)} Hz", justify="right", no_wrap=True)
-    for name, *values in zip(comparison.name, frequency, damping, strict=True):
-        cells = (
-            "-" if np.isnan(f) else f"{frequency_text(f, 1)}  {100 * x:.2f}"
-            for f, x in zip(*values, strict=True)
-        )
-        table.add_row(name, *cells)
-    return table
-
-
-def print_findings(result: Identified) -> None:
-    """Print the findings of the checks of a measurement."""
-    for line in result.quality.findings:
-        OUT.print(f"  {line}", markup=False, highlight=False)
+    for first in range(0, comparison.frequency.shape[1], fit):
+        frequency, damping = (x[:, first : first + fit] for x in (comparison.frequency, comparison.damping))
+        rows = [
+            [
+                name,
+                *(
+                    "-" if np.isnan(f) else f"{frequency_text(f, 1)}  {100 * x:.2f}"
+                    for f, x in zip(*row, strict=True)
+                ),
+            ]
+            for name, *row in zip(comparison.name, frequency, damping, strict=True)
+        ]
+        header = ("", *(f"{frequency_text(f, 0)} Hz" for f in np.nanmean(frequency, axis=0)))
+        yield table_of(None if first else title, header, rows, words=(0,), min_width=names, whole=True)
 
 
 def print_amplitude(result: Identified) -> None:
@@ -251,31 +239,31 @@ def print_amplitude(result: Identified) -> None:
     over = stored_amplitude(result)
     if over is not None:
         OUT.print(amplitude_table(over.dependence))
-        for line in over.findings:
-            OUT.print(f"  {line}", markup=False, highlight=False)
+        print_lines(OUT, over.findings)
     elif result.configuration.force_levels:
-        text = f"  {result.configuration.name}: with its own force_N, its modes over amplitude would be shown"
-        OUT.print(text, markup=False, highlight=False)
+        OUT.print(
+            f"  {result.configuration.name}: with its own force_N, its modes over amplitude would be shown"
+        )
 
 
 def amplitude_table(dependence: AmplitudeDependence) -> Table:
     """List every mode that two levels have over the force: motion, frequency and damping."""
-    table = Table(
-        title=f"{dependence.name} over amplitude: motion at {dependence.point} [µm], frequency [Hz], damping [%]",
-        title_justify="left",
-    )
-    table.add_column("force [N]", justify="right")
     shown = np.flatnonzero(np.isfinite(dependence.softening))
-    for r in shown:
-        table.add_column(f"{frequency_text(np.nanmean(dependence.frequency[:, r]), 0)} Hz", justify="right")
-    for k, force in enumerate(dependence.force):
-        values = zip(dependence.motion[k], dependence.frequency[k], dependence.damping[k], strict=True)
-        cells = [
-            f"{1e6 * x:.3g}  {frequency_text(f, 2)}  {100 * d:.3g}" if np.isfinite(f) else "-"
-            for x, f, d in values
-        ]
-        table.add_row(f"{force:g}", *(cells[r] for r in shown))
-    return table
+    columns = [values[:, shown] for values in (dependence.motion, dependence.frequency, dependence.damping)]
+    return table_of(
+        f"{dependence.name} over amplitude: motion at {dependence.point} [µm], frequency [Hz], damping [%]",
+        ("force [N]", *(f"{frequency_text(f, 0)} Hz" for f in np.nanmean(columns[1], axis=0))),
+        (
+            [
+                f"{force:g}",
+                *(
+                    f"{1e6 * x:.3g}  {frequency_text(f, 2)}  {100 * d:.3g}" if np.isfinite(f) else "-"
+                    for x, f, d in zip(*row, strict=True)
+                ),
+            ]
+            for force, *row in zip(dependence.force, *columns, strict=True)
+        ),
+    )
 
 
 def print_changes(campaign: Campaign, results: Sequence[Identified]) -> None:
@@ -283,17 +271,12 @@ def print_changes(campaign: Campaign, results: Sequence[Identified]) -> None:
     changes, lost = compared(campaign, results)
     for change in changes:
         OUT.print(change_table(change))
-        OUT.print(f"  {change_sentence(change)}", markup=False, highlight=False)
-    for line in lost:
-        OUT.print(f"  {line}", markup=False, highlight=False)
+        OUT.print(f"  {change_sentence(change)}")
+    print_lines(OUT, lost)
 
 
 def change_table(change: Change) -> Table:
     """List every mode that a state and its reference have: shifts with their scatter, MAC, and what changed."""
-    table = Table(title=f"{change.name} against {', '.join(change.reference)}", title_justify="left")
-    for name in ("mode", "f [Hz]", "shift [%]", "± [%]", "damping shift [%]", "± [%]", "MAC"):
-        table.add_column(name, justify="right")
-    table.add_column("changed")
     columns = (
         change.frequency_shift,
         change.frequency_scatter,
@@ -301,19 +284,16 @@ def change_table(change: Change) -> Table:
         change.damping_scatter,
         change.mac,
     )
-    for r, (f, f_std, d, d_std, mac) in enumerate(zip(*columns, strict=True)):
-        which = [name for name, changed in zip(KINDS, change.which[r], strict=True) if changed]
-        table.add_row(
+    rows = [
+        (
             str(change.reference_mode[r] + 1), f"{change.reference_frequency[r]:.2f}", f"{100 * np.expm1(f):+.3f}",
-            f"{100 * f_std:.2g}", f"{100 * np.expm1(d):+.0f}", f"{100 * d_std:.0f}", f"{mac:.3f}", ", ".join(which),
-        )  # fmt: skip
-    return table
-
-
-def print_campaign_findings(results: Sequence[Identified]) -> None:
-    """Print what configurations beside each other say of the campaign."""
-    for line in campaign_findings(results):
-        OUT.print(f"  {line}", markup=False, highlight=False)
+            f"{100 * f_std:.2g}", f"{100 * np.expm1(d):+.0f}", f"{100 * d_std:.0f}", f"{mac:.3f}",
+            ", ".join(name for name, changed in zip(KINDS, change.which[r], strict=True) if changed),
+        )
+        for r, (f, f_std, d, d_std, mac) in enumerate(zip(*columns, strict=True))
+    ]  # fmt: skip
+    header = ("mode", "f [Hz]", "shift [%]", "± [%]", "damping shift [%]", "± [%]", "MAC", "changed")
+    return table_of(f"{change.name} against {', '.join(change.reference)}", header, rows, words=(7,))
 
 
 @single_threaded

@@ -6,28 +6,29 @@ some tenths of a second to load.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel, read_campaign
 from ema.types.modal_model import frequency_text
 from ema.types.threads import single_threaded
-from model import Effect, Modes, Stack, catalogue, find_effects, read_stack
+from model import Effect, Modes, Stack, catalogue, find_effects, printed_effects, read_stack
 from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs
 from updating import commands
-from updating.commands.ema import print_campaign_findings, print_findings
-from updating.commands.terminal import OUT, progress
+from updating.commands.terminal import OUT, print_lines, progress, table_of
 from updating.correlation.correlation import correlate
 from updating.fitting.fit import Fit, ModelFit, model_file, specimen_name, stack_in_state
 from updating.fitting.fit import fit as fit_configuration
 from updating.pooled.campaign_file import has_specimens
 from updating.pooled.specimen import Specimen
+from updating.results.campaign import campaign_findings
 from updating.results.identified import (
     Assignment,
     Failed,
@@ -38,9 +39,9 @@ from updating.results.identified import (
     identified,
     require_none,
 )
-from updating.results.ledger import Entry, ledger_table, write_ledger
+from updating.results.ledger import Entry, write_ledger
 from updating.results.store import kept
-from updating.results.text import parameter_text
+from updating.results.text import interval_text, parameter_text
 from updating.workers.workers import in_parallel, workers
 
 
@@ -76,12 +77,10 @@ def fit_command(
         result, fitted = outcome
         done.append(result)
         OUT.print(_table(result.modal_model, fitted))
-        print_findings(result)
-        for line in fitted.findings:
-            OUT.print(f"  {line}", markup=False, highlight=False)
+        print_lines(OUT, (*result.quality.findings, *fitted.findings))
         if effect:  # without, models of a campaign of any length are not held
             fits.append(outcome)
-    print_campaign_findings(done)
+    print_lines(OUT, campaign_findings(done))
     if fits and effect:
         request = LedgerRequest(effects=tuple(effect), effect_files=tuple(effect_file), scatter_file=scatter)
         OUT.print(ledger_table(campaign_ledger(fits, request, campaign, output, cluster), known))
@@ -231,24 +230,48 @@ def fit_table(measured: ModalModel, fit: Fit) -> Table:
     left_over = [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]
     if left_over:
         caption += f"\nmeasured but not paired: {', '.join(left_over)} Hz"
-    table = Table(
-        title=f"{fit.name}: measured and fitted",
-        title_justify="left",
-        caption=caption,
-        caption_justify="left",
-    )
-    for name in (
-        "mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "damping\nmeasured [%]", "damping\nmodel [%]", "MAC",
-    ):  # fmt: skip
-        table.add_column(name, justify="right")
     columns = (
-        pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, pairs.measured_damping,
-        pairs.model_damping, pairs.mac,
+        fit.pairing.measured, pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error,
+        pairs.measured_damping, pairs.model_damping, pairs.mac,
     )  # fmt: skip
-    for mode, values in zip(fit.pairing.measured, zip(*columns, strict=True), strict=True):
-        f_exp, f_num, error, xi_exp, xi_num, mac = values
-        table.add_row(
-            str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{100 * xi_exp:.3g}",
-            f"{100 * xi_num:.3g}", f"{mac:.4f}",
-        )  # fmt: skip
-    return table
+    return table_of(
+        f"{fit.name}: measured and fitted",
+        ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "damping\nmeasured [%]", "damping\nmodel [%]", "MAC"),
+        (
+            (
+                str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{100 * xi_exp:.3g}",
+                f"{100 * xi_num:.3g}", f"{mac:.4f}",
+            )
+            for mode, f_exp, f_num, error, xi_exp, xi_num, mac in zip(*columns, strict=True)
+        ),
+        caption,
+    )  # fmt: skip
+
+
+def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = None) -> Table:
+    """List what each effect, of those that are known, does to the error, on data used and held out."""
+    damping = any(np.isfinite(e.damping_error) for e in entries)
+    unknown = any(np.isnan(e.configuration_error) and np.isfinite(e.error) for e in entries)
+
+    def cells(entry: Entry, *kinds: str) -> str:
+        values = [getattr(entry, kind) for kind in kinds[: 1 + damping]]
+        return " | ".join("-" if np.isnan(v) else f"{100 * v:.2f}" for v in values)
+
+    return table_of(
+        "Mean relative error [%] of frequencies" + (" | of damping ratios" if damping else ""),
+        ("model", "fitted", "mode\nheld out", "config.\nheld out", "parameters"),
+        (
+            (
+                "\n+ ".join(("base", *printed_effects(e.effects, known))),
+                cells(e, "error", "damping_error"),
+                cells(e, "mode_error", "mode_damping_error"),
+                cells(e, "configuration_error", "configuration_damping_error"),
+                "\n".join([*(interval_text(p) for p in e.shared), *e.strained]),
+            )
+            for e in entries
+        ),
+        "Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
+        + (" -: there is no other." if unknown else ""),
+        words=(0, 4),
+        whole=True,
+    )

@@ -5,12 +5,11 @@ from __future__ import annotations
 import difflib
 import textwrap
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel
@@ -40,7 +39,7 @@ from model.reduction.through_thickness import n_rigid
 from model.stack.effect import Family
 from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
-from updating.commands.terminal import OUT, bar
+from updating.commands.terminal import OUT, bar, print_lines, table_of
 from updating.correlation.correlation import correlate
 from updating.correlation.criteria import class_grid, shape_classes
 from updating.results.identified import Assignment, Identified, identified
@@ -60,53 +59,25 @@ def effects_command(
 ) -> bool:
     """List effects or explain one; return whether that has no fault."""
     if name is None:
-        for table in effect_tables(catalogue(effect_file)):
-            OUT.print(table)
+        OUT.print(*effect_tables(catalogue(effect_file)))
         OUT.print("More about one: lamella effects NAME --stack STACK")
         return True
-    explained = explain(name, stack, output, effect_file, OUT)
-    OUT.print(effect_text(explained.effect), markup=False, highlight=False)
-    OUT.print(parameter_table(explained.effect))
-    for fault in explained.faults:
-        OUT.print(f"Fault: {fault}", style="bold red", markup=False, highlight=False)
-    if explained.signature is None:
-        OUT.print("What it does to your stack: add --stack STACK")
-    else:
-        OUT.print(signature_table(explained.signature))
-    return not explained.faults
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Explained:
-    """An effect as `explain` finds it.
-
-    `signature` is None without a stack; `faults` are those of an effect that does not ship.
-    """
-
-    effect: Effect
-    faults: tuple[str, ...]
-    signature: Signature | None
-
-
-def explain(
-    name: str, stack_file: Path | None, output: Path | None, files: Iterable[Path], console: Console
-) -> Explained:
-    """Find an effect, check it if the user wrote it, and try it on the stack; with `output` draw that."""
-    shipped = catalogue()
-    (effect,) = find_effects([name], catalogue(files))
-    with bar(console) as progress:
-        task = progress.add_task("explain", total=2)
-        faults = () if effect.name in shipped else effect_faults(effect)
-        progress.advance(task)
+    (effect,) = find_effects([name], catalogue(effect_file))
+    OUT.print(effect_text(effect))
+    OUT.print(parameter_table(effect))
+    with OUT.status("check the effect, and try it on the stack"):
+        faults = () if effect.name in catalogue() else effect_faults(effect)  # those that ship have none
         shown = None
-        if stack_file is not None and not faults:
+        if stack is not None and not faults:
             from updating.diagnosis.signature import signature, signature_figure
 
-            shown = signature(read_stack(stack_file), effect)
+            shown = signature(read_stack(stack), effect)
             if output is not None:
                 write_bytes(output / f"{effect.name}.png", as_png(signature_figure(shown)))
-        progress.advance(task)
-    return Explained(effect=effect, faults=faults, signature=shown)
+    for fault in faults:
+        OUT.print(f"Fault: {fault}", style="bold red")
+    OUT.print("What it does to your stack: add --stack STACK" if shown is None else signature_table(shown))
+    return not faults
 
 
 def effect_tables(known: dict[str, Effect]) -> tuple[Table, ...]:
@@ -159,26 +130,21 @@ def signature_table(signature: Signature) -> Table:
         for name, like in zip(signature.mode, signature.likeness.T, strict=True)
         if like.min() < same_shape
     ]
-    table = Table(
-        title=f"What it does at {values}",
-        title_justify="left",
-        caption=f"The shape of {', '.join(turned)} changes: MAC in mass below {same_shape**2:.2g}."
+    modes = zip(signature.mode, signature.base_frequency.T, strict=True)
+    changes = (100.0 * signature.frequency_change, 100.0 * signature.damping_change)
+    rows: list[list[str]] = []
+    for pressure, frequency, damping in zip(signature.pressure, *changes, strict=True):
+        rows.append([f"{pressure / 1e3:g} kPa", "frequency [%]", *(f"{x:+.2f}" for x in frequency)])
+        rows.append(["", "damping ratio [% points]", *(f"{x:+.3f}" for x in damping)])
+    return table_of(
+        f"What it does at {values}",
+        ("pressure", "change of", *(f"{name}\n{f[0]:.0f} to {f[-1]:.0f} Hz" for name, f in modes)),
+        rows,
+        f"The shape of {', '.join(turned)} changes: MAC in mass below {same_shape**2:.2g}."
         if turned
         else None,
-        caption_justify="left",
+        words=(1,),
     )
-    table.add_column("pressure", justify="right")
-    table.add_column("change of")
-    for name, f in zip(signature.mode, signature.base_frequency.T, strict=True):
-        table.add_column(f"{name}\n{f[0]:.0f} to {f[-1]:.0f} Hz", justify="right")
-    rows = zip(
-        signature.pressure, 100.0 * signature.frequency_change, 100.0 * signature.damping_change, strict=True
-    )
-    for pressure, frequency, damping in rows:
-        at = f"{pressure / 1e3:g} kPa"
-        table.add_row(at, "frequency [%]", *(f"{x:+.2f}" for x in frequency))
-        table.add_row("", "damping ratio [% points]", *(f"{x:+.3f}" for x in damping))
-    return table
 
 
 def _range(parameter: Parameter) -> str:
@@ -245,7 +211,7 @@ def identify_and_fit_matrices(
     return result, kept(path, MatricesFit, make, inputs=inputs, options=options, keep=assigned.keep)
 
 
-def solve_matrices(file: Path, output: Path, n_mode: int, console: Console) -> Table:
+def solve_matrices(file: Path, output: Path, n_mode: int) -> Table:
     """Solve the modes of a structure, write them, say what the file and the reduction leave out, and list them.
 
     Raises
@@ -253,7 +219,7 @@ def solve_matrices(file: Path, output: Path, n_mode: int, console: Console) -> T
     MatricesError
         It has fewer modes than are asked for.
     """
-    with bar(console) as progress:
+    with bar(OUT) as progress:
         task = progress.add_task("read, reduce and solve", total=3)
         structure = read_matrices(file)
         progress.advance(task)
@@ -270,21 +236,15 @@ def solve_matrices(file: Path, output: Path, n_mode: int, console: Console) -> T
         modes = modes_at(inside, np.zeros(inside.size), none, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
         write_result(output / "modes.json", modes, inputs=matrices_inputs(file), options={"n_mode": n_mode})
         progress.advance(task)
-    for note in structure.notes:
-        console.print(f"  {note}", markup=False, highlight=False, soft_wrap=True)
-    table = Table(
-        title=f"{structure.name}: {inside.size} elastic modes up to {structure.band_Hz:g} Hz",
-        title_justify="left",
-        caption=f"{frequency.size - elastic.size} modes of a rigid body. {structure.node.size} degrees of freedom were "
+    print_lines(OUT, structure.notes, soft_wrap=True)
+    return table_of(
+        f"{structure.name}: {inside.size} elastic modes up to {structure.band_Hz:g} Hz",
+        ("mode", "f [Hz]"),
+        ((str(r), f"{f:.4f}") for r, f in enumerate(inside, start=1)),
+        f"{frequency.size - elastic.size} modes of a rigid body. {structure.node.size} degrees of freedom were "
         f"reduced to {reduced.size}; that leaves at most {100 * reduced.left.frequency['nominal']:.2g} % of a "
         f"frequency, and {100 * max(reduced.left.frequency.values()):.2g} % one prior deviation of a term away.",
-        caption_justify="left",
     )
-    table.add_column("mode", justify="right")
-    table.add_column("f [Hz]", justify="right")
-    for r, f in enumerate(inside, start=1):
-        table.add_row(str(r), f"{f:.4f}")
-    return table
 
 
 def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
@@ -303,29 +263,16 @@ def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
         + "\n".join(moved)
         + (f"\nmeasured but not paired: {', '.join(left_over)} Hz" if left_over else "")
     )
-    table = Table(
-        title=f"{fit.name}: measured and fitted",
-        title_justify="left",
-        caption=caption,
-        caption_justify="left",
-    )
-    for name in ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "MAC\nbefore", "MAC"):
-        table.add_column(name, justify="right")
     columns = (
-        pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, fit.initial_mac, pairs.mac
+        fit.pairing.measured, pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, fit.initial_mac,
+        pairs.mac,
     )  # fmt: skip
-    for mode, (f_exp, f_num, error, before, mac) in zip(
-        fit.pairing.measured, zip(*columns, strict=True), strict=True
-    ):
-        table.add_row(
-            str(mode + 1),
-            f"{f_exp:.2f}",
-            f"{f_num:.2f}",
-            f"{100 * error:+.2f}",
-            f"{before:.4f}",
-            f"{mac:.4f}",
-        )
-    return table
+    rows = (
+        (str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{before:.4f}", f"{mac:.4f}")
+        for mode, f_exp, f_num, error, before, mac in zip(*columns, strict=True)
+    )
+    header = ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "MAC\nbefore", "MAC")
+    return table_of(f"{fit.name}: measured and fitted", header, rows, caption)
 
 
 @single_threaded
@@ -343,49 +290,22 @@ def model_command(
             raise EffectError(
                 f"{stack}: effects are added to stacks; of a structure of matrices terms and places may vary"
             )
-        OUT.print(solve_matrices(stack, output, modes, OUT))
+        OUT.print(solve_matrices(stack, output, modes))
         return
-    added = AddedEffects(option=tuple(effect), file=tuple(effect_file))
-    solved = solve(stack, output, modes, tolerance, OUT, added)
-    if solved.pressure is not None:
-        OUT.print(pressure_table(solved.pressure))
-    OUT.print(model_table(solved.stack, solved.modes, solved.shape_class, solved.verification))
+    with_effects = read_stack(stack)
+    if effect or effect_file:
+        with_effects = with_named_effects(with_effects, effect, catalogue(effect_file))
+    solve(with_effects, (*stack_inputs(stack), *effect_file), output, modes, tolerance)
     OUT.print(f"Results in {output}")
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Solved:
-    """A stack with its elastic modes: what `solve` writes and the command line prints.
-
-    `pressure` is None where the stack file gives one pressure for all places.
-    """
-
-    stack: Stack
-    modes: Modes
-    shape_class: tuple[str, ...]
-    verification: Verification
-    pressure: PressureSummary | None
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class AddedEffects:
-    """Effects that the user adds to a stack: as in `with_named_effects`, and files of the user's own."""
-
-    option: tuple[str, ...] = ()
-    file: tuple[Path, ...] = ()
-
-
 def solve(
-    stack_file: Path, output: Path, n_mode: int, tolerance: float, console: Console, effects: AddedEffects
-) -> Solved:
-    """Press the stack of a file where it says how, solve its elastic modes, write both and their pictures."""
-    stack = read_stack(stack_file)
-    if effects.option or effects.file:
-        stack = with_named_effects(stack, effects.option, catalogue(effects.file))
+    stack: Stack, inputs: tuple[Path, ...], output: Path, n_mode: int, tolerance: float
+) -> tuple[Modes, Verification]:
+    """Press a stack where its file says how, solve its elastic modes, and write and print both with their pictures."""
     options = {"n_mode": n_mode, "tolerance": tolerance, "effects": dict(stack.effect_values)}
-    inputs = (*stack_inputs(stack_file), *effects.file)
     pressure = None
-    with bar(console) as progress:
+    with bar(OUT) as progress:
         task = progress.add_task("press and solve", total=2 + n_mode)
         if isinstance(stack.pressing, Pressing):
             field = press(stack)
@@ -405,7 +325,10 @@ def solve(
             write_bytes(output / f"mode_{r + 1:02d}.png", mode_png(system, modes, r))
             progress.advance(task)
     names = shape_classes(modes) if stack.outline is None else ("",) * modes.frequency.size
-    return Solved(stack=stack, modes=modes, shape_class=names, verification=verification, pressure=pressure)
+    if pressure is not None:
+        OUT.print(pressure_table(pressure))
+    OUT.print(model_table(stack, modes, names, verification))
+    return modes, verification
 
 
 def model_table(stack: Stack, modes: Modes, names: tuple[str, ...], verification: Verification) -> Table:
@@ -420,43 +343,36 @@ def model_table(stack: Stack, modes: Modes, names: tuple[str, ...], verification
     if not verification.within_tolerance:
         origin = f"The tolerance of {100 * verification.tolerance:.2g} % is not met. {origin}"
     laminas = "the lamina" if stack.n_lamina == 1 else f"all {stack.n_lamina} laminas"
-    table = Table(
-        title=f"{stack.name}: {modes.frequency.size} elastic modes",
-        title_justify="left",
-        caption=f"Errors of f are estimated from the residual of the equations of {laminas}. {origin}",
-        caption_justify="left",
-    )
-    for name in ("mode", "f [Hz]", "error of f [%]", "damping [%]"):
-        table.add_column(name, justify="right")
-    table.add_column("shape")
     columns = (modes.frequency, verification.error, modes.damping, names)
-    for r, (f, error, xi, name) in enumerate(zip(*columns, strict=True), start=1):
-        table.add_row(str(r), f"{f:.2f}", f"{100 * max(error, 0.0):.5f}", f"{100 * xi:.3g}", name)
-    return table
+    return table_of(
+        f"{stack.name}: {modes.frequency.size} elastic modes",
+        ("mode", "f [Hz]", "error of f [%]", "damping [%]", "shape"),
+        (
+            (str(r), f"{f:.2f}", f"{100 * max(error, 0.0):.5f}", f"{100 * xi:.3g}", name)
+            for r, (f, error, xi, name) in enumerate(zip(*columns, strict=True), start=1)
+        ),
+        f"Errors of f are estimated from the residual of the equations of {laminas}. {origin}",
+        words=(4,),
+    )
 
 
 def pressure_table(pressure: PressureSummary) -> Table:
     """List mean, range and lost contact of the pressure at the bottom, middle and top interface and over all."""
-    table = Table(
-        title="Pressure between the laminas",
-        title_justify="left",
-        caption=f"Clamping force {pressure.force:.4g} N, mean pressure {pressure.mean / 1e3:.4g} kPa; "
-        f"equilibrium to {pressure.residual:.1g}.",
-        caption_justify="left",
-    )
-    table.add_column("interface")
-    for name in ("mean [kPa]", "lowest [kPa]", "highest [kPa]", "lost contact [%]"):
-        table.add_column(name, justify="right")
     n = pressure.lowest.size
-    kilo = [x / 1e3 for x in (pressure.interface_mean, pressure.lowest, pressure.highest)]
-    for name, k in {"bottom": 0, "middle": n // 2, "top": n - 1}.items():
-        table.add_row(name, *(f"{x[k]:.4g}" for x in kilo), f"{100 * pressure.lost_contact[k]:.3g}")
-    mean, lowest, highest = kilo
-    table.add_row(
-        "all", f"{mean.mean():.4g}", f"{lowest.min():.4g}", f"{highest.max():.4g}",
-        f"{100 * pressure.lost_contact.mean():.3g}",
-    )  # fmt: skip
-    return table
+    mean, lowest, highest = (x / 1e3 for x in (pressure.interface_mean, pressure.lowest, pressure.highest))
+    values = [
+        (name, mean[k], lowest[k], highest[k], pressure.lost_contact[k])
+        for name, k in {"bottom": 0, "middle": n // 2, "top": n - 1}.items()
+    ]
+    values.append(("all", mean.mean(), lowest.min(), highest.max(), pressure.lost_contact.mean()))
+    return table_of(
+        "Pressure between the laminas",
+        ("interface", "mean [kPa]", "lowest [kPa]", "highest [kPa]", "lost contact [%]"),
+        ((name, *(f"{x:.4g}" for x in kilo), f"{100 * lost:.3g}") for name, *kilo, lost in values),
+        f"Clamping force {pressure.force:.4g} N, mean pressure {pressure.mean / 1e3:.4g} kPa; "
+        f"equilibrium to {pressure.residual:.1g}.",
+        words=(0,),
+    )
 
 
 @single_threaded

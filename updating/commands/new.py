@@ -8,7 +8,7 @@ from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file, write_draft
 from ema.campaign.draft_modes import draft_modes, modes_draft_file
 from model.matrices.text import write_structure
-from updating.commands.terminal import OUT
+from updating.commands.terminal import OUT, print_lines
 
 
 def new_command(folder: Path) -> None:
@@ -21,14 +21,12 @@ def new_command(folder: Path) -> None:
     file = draft_file(drafted) if modes is None else modes_draft_file(modes)
     path = write_draft(drafted, file)
     for name, files in ({} if modes is None else modes.files).items():
-        OUT.print(f"  {name}: modes in {', '.join(f.name for f in files)}", markup=False, highlight=False)
+        OUT.print(f"  {name}: modes in {', '.join(f.name for f in files)}")
     for name, contents in drafted.configurations.items():
         n_frf = sum(len(c.dofs) for c in contents)
         held = "time histories" if any(c.is_time for c in contents) else f"{n_frf} functions"
-        OUT.print(f"  {name}: {len(contents)} files, {held}", markup=False, highlight=False)
-    for line in drafted.left_out:
-        OUT.print(f"  left out: {line}", markup=False, highlight=False, soft_wrap=True)
+        OUT.print(f"  {name}: {len(contents)} files, {held}")
+    print_lines(OUT, drafted.left_out, indent="  left out: ", soft_wrap=True)
     OUT.print(f"Campaign: {path}; look at what is marked as guessed.")
     OUT.print("To be filled in, since the files do not tell:")
-    for line in file.missing:
-        OUT.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+    print_lines(OUT, file.missing, soft_wrap=True)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from model import catalogue, find_effects
-from updating.commands.terminal import MOST_EXPLANATIONS, progress
+from updating.commands.terminal import MOST_EXPLANATIONS, print_lines, print_results, progress, table_of
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.scatter_file import read_scatter
@@ -93,37 +93,35 @@ def _specimens(
 
 def print_pooled(diagnosis: PooledDiagnosis, output: Path, console: Console) -> None:
     """Print the answer, the explanations and the specimens."""
-    for sentence in diagnosis.sentences:
-        console.print(sentence, highlight=False, markup=False)
+    print_lines(console, diagnosis.sentences, indent="")
     console.print(pooled_table(diagnosis))
     console.print(specimen_table(diagnosis))
-    console.print(
-        f"Results in {output}; make a page of them: lamella report {output}", highlight=False, markup=False
-    )
+    print_results(console, output)
 
 
 def pooled_table(diagnosis: PooledDiagnosis) -> Table:
     """Return the explanations that were fitted in full, the most probable first."""
-    table = Table(title="Explanations", title_justify="left")
-    table.add_column("effects, and whose they are")
-    for name in ("proba-\nbility", "f error\n[%]", "specimen\nleft out\n[%]", "torque\nleft out\n[%]"):
-        table.add_column(name, justify="right")
-    for explanation in diagnosis.ranking[:MOST_EXPLANATIONS]:
-        table.add_row(
+    rows = [
+        (
             explanation_text(explanation),
             f"{explanation.probability:.3f}",
             in_percent(explanation.frequency_error),
             in_percent(explanation.left_out_error),
             in_percent(explanation.left_out_torque_error),
         )
-    return table
+        for explanation in diagnosis.ranking[:MOST_EXPLANATIONS]
+    ]
+    header = (
+        "effects, and whose they are",
+        "proba-\nbility",
+        "f error\n[%]",
+        "specimen\nleft out\n[%]",
+        "torque\nleft out\n[%]",
+    )
+    return table_of("Explanations", header, rows, words=(0,))
 
 
 def specimen_table(diagnosis: PooledDiagnosis) -> Table:
     """Return all specimens with their contact parameters and errors."""
-    table = Table(title="Specimens", title_justify="left")
-    for name in SPECIMEN_HEADER:
-        table.add_column(name, overflow="fold")
-    for specimen in diagnosis.specimens:
-        table.add_row(*specimen_row(specimen))
-    return table
+    rows = map(specimen_row, diagnosis.specimens)
+    return table_of("Specimens", SPECIMEN_HEADER, rows, words=range(len(SPECIMEN_HEADER)))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import io
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -30,7 +31,7 @@ class LiteralConsole(Console):
     """
 
     def __init__(self, **options: Any) -> None:
-        super().__init__(markup=False, emoji=False, **options)
+        super().__init__(markup=False, emoji=False, highlight=False, **options)
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print as any console does, but into a file or pipe no table narrower than its words: cells would be empty."""
@@ -54,6 +55,44 @@ class LiteralConsole(Console):
         return super().render_str(literal(text), **options)
 
 
+def table_of(
+    title: str | None,
+    header: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    note: str | None = None,
+    *,
+    words: Collection[int] = (),
+    min_width: int | None = None,
+    whole: bool = False,
+) -> Table:
+    """Return a table of cells with a title above it and a note below.
+
+    Parameters
+    ----------
+    title, note : str or None
+        Above and below it.
+    header : sequence of str
+        Names of the columns.
+    rows : iterable of sequence of str
+        Cells of each row.
+    words : collection of int
+        Columns of words, which are aligned on the left; those of numbers on the right.
+    min_width : int, optional
+        Of the columns of words, characters.
+    whole : bool, default False
+        Whether numbers are never broken into lines.
+    """
+    made = Table(title=title, title_justify="left", caption=note, caption_justify="left")
+    for k, name in enumerate(header):
+        if k in words:
+            made.add_column(name, overflow="fold", min_width=min_width)
+        else:
+            made.add_column(name, justify="right", no_wrap=whole)
+    for row in rows:
+        made.add_row(*row)
+    return made
+
+
 def literal(text: str) -> str:
     """Return a text without control characters, which would move the cursor or colour what follows."""
     return text.translate(_CONTROL)
@@ -61,6 +100,17 @@ def literal(text: str) -> str:
 
 OUT = LiteralConsole() if sys.stdout.isatty() else LiteralConsole(width=100)  # a pipe has no width of its own
 ERR = LiteralConsole(stderr=True)
+
+
+def print_lines(console: Console, lines: Iterable[str], indent: str = "  ", **options: Any) -> None:
+    """Print lines, each behind an indent."""
+    for line in lines:
+        console.print(f"{indent}{line}", markup=False, highlight=False, **options)
+
+
+def print_results(console: Console, output: Path) -> None:
+    """Say where results are, and what makes a page of them."""
+    console.print(f"Results in {output}; make a page of them: lamella report {output}")
 
 
 def print_what_can_be() -> None:

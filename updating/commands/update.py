@@ -21,7 +21,8 @@ from ema.plot.figures import as_png
 from ema.types.threads import single_threaded
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import by_level, changed_names
-from updating.commands.terminal import OUT, progress
+from updating.commands.fit import ledger_table
+from updating.commands.terminal import OUT, print_lines, progress, table_of
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.evidence import DiagnosisScatter
@@ -36,7 +37,7 @@ from updating.pooled.joint_plot import convergence_figure, correlation_figure
 from updating.pooled.specimen import Specimen
 from updating.results.campaign import measurement_findings, over_amplitude
 from updating.results.identified import assignments, every_identified, forget_choices
-from updating.results.ledger import ledger_table, write_ledger
+from updating.results.ledger import write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
 from updating.workers.workers import workers
 
@@ -229,16 +230,17 @@ def parameter_table(fit: JointFit) -> Table:
     far = [moved_text(p) for p in fit.moved if abs(p.deviations or 0.0) > REPORTED]
     if far:
         errors += "\nMoved by more than two standard deviations of what was known: " + "; ".join(far)
-    table = Table(title="Fitted together", title_justify="left", caption=errors, caption_justify="left")
-    for name in ("parameter", "of", "value", "std", "95 %", ""):
-        table.add_column(name, justify="left" if name in ("parameter", "of", "") else "right")
-    for p in fit.parameter:
-        table.add_row(
+    rows = [
+        (
             p.name if p.unit == "1" else f"{p.name} [{p.unit}]", p.group or "all", f"{p.value:.5g}", f"{p.std:.2g}",
             f"{p.interval[0]:.4g} to {p.interval[1]:.4g}",
             "at its bound" if p.at_bound else "" if p.determined else "not determined",
-        )  # fmt: skip
-    return table
+        )
+        for p in fit.parameter
+    ]  # fmt: skip
+    return table_of(
+        "Fitted together", ("parameter", "of", "value", "std", "95 %", ""), rows, errors, words=(0, 1, 5)
+    )
 
 
 def _tested(
@@ -264,8 +266,7 @@ def _tested(
     assigned = assignments(replace(campaign, configurations=configurations), campaign_output)
     tests = every_identified(assigned, f"identify {name}", console, cluster)
     over = [over_amplitude(assignment, test) for assignment, test in zip(assigned, tests, strict=True)]
-    for sentence in measurement_findings(tests):
-        console.print(sentence, highlight=False, markup=False)
+    print_lines(console, measurement_findings(tests), indent="")
     heights = sorted({state.height for state in states})
     stacks = []
     for height in heights:

@@ -14,7 +14,7 @@ from model.effects.parts import every_lamina, mean_over, square
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
 from updating.diagnosis.answer_parts import NextTest
-from updating.diagnosis.evidence import Tested
+from updating.diagnosis.evidence import SomeModes, Tested
 from updating.diagnosis.ranking import misfit
 from updating.diagnosis.second_level import second_level
 from updating.diagnosis.stack_model import StackModel
@@ -163,19 +163,6 @@ EXPERIMENTS = (
 )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Expected:
-    """Modes as an identification is expected to give them."""
-
-    frequency: Vector
-    frequency_std: Vector
-    damping: Vector
-    damping_std: Vector
-    shape: NDArray[np.complex128]
-    shape_std: Vector
-    sensor: NDArray[np.int64]
-
-
 def rank_tests(
     model: StackModel, search: Search, explanations: Sequence[Explanation]
 ) -> tuple[NextTest, ...]:
@@ -270,7 +257,7 @@ def _at(coordinates: Sequence[Coordinate], explanation: Explanation) -> Vector:
     return np.array([have.get(c.name, 0.0) for c in coordinates])
 
 
-def _expected(model: StackModel, local: LocalModel, x: Vector) -> _Expected | None:
+def _expected(model: StackModel, local: LocalModel, x: Vector) -> SomeModes | None:
     """Return what an identification is expected to give up to the band's end; None without a mode in it.
 
     Modes that the sensors hardly see are not identified.
@@ -286,7 +273,7 @@ def _expected(model: StackModel, local: LocalModel, x: Vector) -> _Expected | No
         return None
     shape = modal.rows[:, seen]
     damping = np.einsum("ii->i", modal.damping[0])[seen] / (4.0 * np.pi * frequency[seen])
-    return _Expected(
+    return SomeModes(
         frequency=frequency[seen],
         frequency_std=_FREQUENCY_STD * frequency[seen],
         damping=damping,

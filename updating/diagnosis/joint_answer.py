@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lamella_shared import readonly
+from lamella_shared import arrays
 from updating.diagnosis.answer_parts import Moved, Sizes
 from updating.errors import FitError
 from updating.fitting.fit import frequency_error
@@ -51,6 +50,12 @@ class FittedParameter:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays(
+    {
+        "mode": "used measured_frequency measured_damping frequency damping frequency_left_out frequency_before "
+        "damping_before mac"
+    }
+)
 class ConfigurationFit:
     """One configuration of a joint fit.
 
@@ -84,13 +89,6 @@ class ConfigurationFit:
     damping_before: NDArray[np.float64]
     mac: NDArray[np.float64]
 
-    def __post_init__(self) -> None:
-        used = readonly("ConfigurationFit", "used", self.used, (None,), bool)
-        object.__setattr__(self, "used", used)
-        for field in dataclasses.fields(self)[2:]:
-            value = readonly("ConfigurationFit", field.name, getattr(self, field.name), used.shape)
-            object.__setattr__(self, field.name, value)
-
     @property
     def relative_error(self) -> NDArray[np.float64]:
         """Error of each frequency, model less measured over measured (n_mode,)."""
@@ -103,6 +101,7 @@ class ConfigurationFit:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"parameter parameter": "covariance", "any": "course"})
 class JointFit:
     """Several configurations fitted at once.
 
@@ -137,11 +136,6 @@ class JointFit:
     n_residual: int
     configuration: tuple[ConfigurationFit, ...]
     course: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        n = len(self.parameter)
-        object.__setattr__(self, "covariance", readonly("JointFit", "covariance", self.covariance, (n, n)))
-        object.__setattr__(self, "course", readonly("JointFit", "course", self.course, (None,)))
 
     @property
     def correlation(self) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lamella_shared import readonly
+from lamella_shared import arrays
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.criteria import class_grid, cross_orthogonality, shape_classes
 from updating.correlation.pairing import track
@@ -28,6 +28,7 @@ _LEAST = 4  # modes shown where they have no names
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+@arrays({"any": "pressure", "pressure mode": "base_frequency frequency base_damping damping likeness"})
 class Signature:
     """Modes of a stack without and with an effect.
 
@@ -58,12 +59,6 @@ class Signature:
     base_damping: NDArray[np.float64]
     damping: NDArray[np.float64]
     likeness: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pressure", readonly("Signature", "pressure", self.pressure, (None,)))
-        shape = (self.pressure.size, len(self.mode))
-        for name in ("base_frequency", "frequency", "base_damping", "damping", "likeness"):
-            object.__setattr__(self, name, readonly("Signature", name, getattr(self, name), shape))
 
     @property
     def frequency_change(self) -> NDArray[np.float64]:

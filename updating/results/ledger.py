@@ -1,20 +1,15 @@
-"""What each physical effect does to the error, on data used and on data held out: as data, files and a table."""
+"""What each physical effect does to the error, on data used and on data held out: as data and files."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from rich.table import Table
-
-from model import Effect, printed_effects
 from updating.fitting.fit import ParameterEstimate
 from updating.results.store import write_bytes, write_result
-from updating.results.text import interval_text
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,44 +74,3 @@ def write_ledger(
     writer.writerow(["model", *columns])
     writer.writerows([" + ".join(("base", *e.effects)), *(getattr(e, c) for c in columns)] for e in entries)
     write_bytes(output / "ledger.csv", text.getvalue().encode())
-
-
-def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = None) -> Table:
-    """Print what each effect does to the error, on data used and held out.
-
-    Parameters
-    ----------
-    entries : sequence of Entry
-        The lines.
-    known : mapping of str to Effect, optional
-        Effects by name; the catalogue by default.
-    """
-    damping = any(np.isfinite(e.damping_error) for e in entries)
-    unknown = any(np.isnan(e.configuration_error) and np.isfinite(e.error) for e in entries)
-    table = Table(
-        title="Mean relative error [%] of frequencies" + (" | of damping ratios" if damping else ""),
-        title_justify="left",
-        caption="Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
-        + (" -: there is no other." if unknown else ""),
-        caption_justify="left",
-    )
-    table.add_column("model", overflow="fold")
-    for name in ("fitted", "mode\nheld out", "config.\nheld out"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("parameters", overflow="fold")
-    for e in entries:
-        pairs = (
-            (e.error, e.damping_error),
-            (e.mode_error, e.mode_damping_error),
-            (e.configuration_error, e.configuration_damping_error),
-        )
-        table.add_row(
-            "\n+ ".join(("base", *printed_effects(e.effects, known))),
-            *(" | ".join(_percent(v) for v in pair[: 1 + damping]) for pair in pairs),
-            "\n".join([*(interval_text(p) for p in e.shared), *e.strained]),
-        )
-    return table
-
-
-def _percent(value: float) -> str:
-    return "-" if np.isnan(value) else f"{100 * value:.2f}"
