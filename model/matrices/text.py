@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.stack.errors import MatricesError
-from model.stack.files import plain_text
+from model.stack.inputs import plain_text
 
 
 def read_text(path: Path) -> str:

@@ -8,6 +8,7 @@ negative strain the pressure is 0.
 from __future__ import annotations
 
 import csv
+import errno
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,22 @@ from numpy.typing import NDArray
 
 from lamella_shared import arrays
 from model.stack.errors import StackError
-from model.stack.files import plain_text
+
+
+def plain_text(path: Path) -> str:
+    """Return the text of a file, without the mark of its byte order that some editors set.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, or is a pipe or a device, which would keep the reader waiting or never end.
+    ValueError
+        It is not text.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "is a pipe or a device; give a plain file", str(path))
+    return path.read_text(encoding="utf-8-sig")
+
 
 _COLUMNS = ("strain", "pressure_kPa")
 

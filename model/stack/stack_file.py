@@ -15,8 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from model.stack import outline
 from model.stack.errors import StackError
-from model.stack.files import plain_text
-from model.stack.inputs import read_curve
+from model.stack.inputs import plain_text, read_curve
 from model.stack.parts import (
     NO_CONTACT,
     PLATE_POISSON,

@@ -11,8 +11,7 @@ from ema import read_campaign
 from updating.commands import diagnose as command
 from updating.commands import fit as fit_command
 from updating.diagnosis import cached_model
-from updating.diagnosis.answer import Diagnosis
-from updating.diagnosis.answer_parts import Sizes
+from updating.diagnosis.answer import Diagnosis, Sizes
 from updating.diagnosis.diagnosis import diagnose
 from updating.errors import FitError
 from updating.report.identified_model import with_models

@@ -18,7 +18,7 @@ from model.stack.stack_file import StackFile
 from updating.commands import diagnose, specimens, update
 from updating.commands.command_line import app
 from updating.commands.update import UpdateFile
-from updating.diagnosis.scatter_file import ScatterFile
+from updating.diagnosis.evidence import ScatterFile
 from updating.pooled.campaign_file import SpecimensFile
 from updating.virtual.vibration_test import VirtualTestFile
 

@@ -14,7 +14,7 @@ from updating.commands.command_line import diagnose
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude, searched
-from updating.diagnosis.second_level import second_level
+from updating.diagnosis.over_force import second_level
 from updating.diagnosis.slipping import AtLevel
 from updating.results.store import read_result
 

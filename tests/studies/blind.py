@@ -18,9 +18,9 @@ from tests.studies.runner import BLIND, DATA, study
 from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
-from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.experiment import aids
+from updating.diagnosis.fit_settings import coordinate_of
 from updating.diagnosis.ranking import misfit
 from updating.diagnosis.stack_model import StackModel
 from updating.diagnosis.visibility import not_visible, ruled_out, visibility

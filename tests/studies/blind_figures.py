@@ -10,7 +10,7 @@ from scipy.special import ndtr, ndtri
 from model import catalogue
 from tests.studies.blind import DETECTABLE, MODEL_FORM_ERROR, Case
 from tests.studies.runner import Share, share
-from updating.diagnosis.coordinates import coordinate_of
+from updating.diagnosis.fit_settings import coordinate_of
 
 _NOTABLE = (
     0.5  # fall by the true effects of what is held out, in standard deviations, that is more than noise

@@ -27,9 +27,9 @@ from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import instruments_of
-from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.experiment import aids
+from updating.diagnosis.fit_settings import coordinate_of
 from updating.diagnosis.ranking import estimates, log_ratios, sizes_of
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.decide import decide

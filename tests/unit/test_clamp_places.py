@@ -10,8 +10,7 @@ import scipy.sparse.linalg as sla
 
 from model import Clamp, Mesh, assemble, catalogue, read_stack, reduce
 from model.effects.parts import known_or_usual_instruments
-from updating.diagnosis.candidates import candidate_model
-from updating.diagnosis.rig import clamp_places
+from updating.diagnosis.candidates import candidate_model, clamp_places
 
 STACK = dataclasses.replace(
     read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=6, mesh=Mesh(n_x=6, n_y=2)

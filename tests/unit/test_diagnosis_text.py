@@ -7,16 +7,21 @@ import pytest
 
 from model import catalogue
 from updating.correlation.rig_check import ForcePlace, RigCheck
-from updating.diagnosis.answer import Diagnosis, ModeError, Pulled, Ranked, confounded_in, overstated_in
-from updating.diagnosis.answer_parts import (
+from updating.diagnosis.answer import (
     ContactAmplitude,
+    Diagnosis,
     MixedUp,
+    ModeError,
     NextTest,
     PointChange,
+    Pulled,
+    Ranked,
     SensorGain,
     Sizes,
+    confounded_in,
+    overstated_in,
 )
-from updating.diagnosis.nuisance_text import misstated, pulled_text
+from updating.diagnosis.moved import misstated, pulled_text
 from updating.diagnosis.text import next_command, second_level_text, sentences
 from updating.fitting.fit import ParameterEstimate
 from updating.report.answer import headline

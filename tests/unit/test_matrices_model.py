@@ -8,8 +8,8 @@ import pytest
 import model
 from tests.matrices_plate import EXAMPLE, POINTS, as_measured, noisy
 from updating.diagnosis import evidence
-from updating.diagnosis.coordinates import coordinate_of
 from updating.diagnosis.evidence import POINTS_SHIFT, DiagnosisScatter
+from updating.diagnosis.fit_settings import coordinate_of
 from updating.diagnosis.matrices_answer import diagnose_matrices, fit_matrices
 from updating.diagnosis.matrices_model import MatricesModel
 from updating.errors import PairingError

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
-from updating.diagnosis.answer_parts import Moved
+from updating.diagnosis.answer import Diagnosis, ModeError, Moved, Ranked
 from updating.fitting.fit import ParameterEstimate
 from updating.report.answer import answer_section, moved_table
 from updating.report.chart import printed

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from updating.diagnosis.evidence import DiagnosisScatter
-from updating.diagnosis.scatter_file import read_scatter
+from updating.diagnosis.evidence import DiagnosisScatter, read_scatter
 from updating.errors import FitError
 
 

@@ -23,8 +23,7 @@ from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES, instruments_of
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
-from updating.diagnosis.evidence import DiagnosisScatter
-from updating.diagnosis.scatter_file import read_scatter
+from updating.diagnosis.evidence import DiagnosisScatter, read_scatter
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command, second_level_text
 from updating.errors import FitError

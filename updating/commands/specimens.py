@@ -12,7 +12,7 @@ from model import catalogue, find_effects
 from updating.commands.terminal import MOST_EXPLANATIONS, print_lines, print_results, progress, table_of
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
-from updating.diagnosis.scatter_file import read_scatter
+from updating.diagnosis.evidence import read_scatter
 from updating.pooled.campaign_file import SpecimenCampaign, read_specimens, specimens_of
 from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
 from updating.pooled.specimen import Specimen

@@ -27,13 +27,12 @@ from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.fit_settings import CONTACT, RATIOS, FitSettings, Scope, require_known
-from updating.diagnosis.joint_answer import JointFit, Updated
+from updating.diagnosis.joint_answer import JointFit, Updated, convergence_figure, correlation_figure
 from updating.diagnosis.moved import REPORTED, moved_text
 from updating.diagnosis.slipping import AtLevel
 from updating.errors import FitError
 from updating.fitting.fit import model_file, specimen_name, stack_in_state
 from updating.pooled.joint_fit import joint_fit
-from updating.pooled.joint_plot import convergence_figure, correlation_figure
 from updating.pooled.specimen import Specimen
 from updating.results.campaign import measurement_findings, over_amplitude
 from updating.results.identified import assignments, every_identified, forget_choices

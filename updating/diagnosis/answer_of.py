@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from updating.diagnosis.answer import Diagnosis, ModeError, confounded_in, overstated_in
-from updating.diagnosis.explained import Explained
-from updating.diagnosis.ranking import log_ratios, pulled, rank, sensor_gains, sizes_of
+from updating.diagnosis.ranking import Explained, log_ratios, pulled, rank, sensor_gains, sizes_of
 from updating.diagnosis.visibility import not_visible, ruled_out, visibility
 from updating.inference.decide import Decision
 from updating.inference.discrepancy import STIFFNESS

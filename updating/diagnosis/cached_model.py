@@ -39,8 +39,7 @@ from model.reduction.riding import RidingPart
 from model.stack.inputs import CompressionCurve
 from model.stack.outline import Outline, Triangulation
 from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, Material, PatchSupport, Pressing
-from updating.diagnosis.candidates import CandidateModel, candidate_model
-from updating.diagnosis.rig import clamp_places
+from updating.diagnosis.candidates import CandidateModel, candidate_model, clamp_places
 from updating.errors import StoreError
 from updating.results.array_file import Special, flattened, read_arrays, restored, write_arrays
 from updating.results.store import digest, versions

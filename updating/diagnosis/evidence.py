@@ -1,16 +1,20 @@
-"""Measured configurations as a diagnosis takes them, and what is known of what separates them from a model."""
+"""Measured configurations as a diagnosis takes them, what separates them from a model, and what may be wrong."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from pydantic import Field, create_model
 
+from ema.io.files import Section, read_form
 from ema.modal.mac import mac
+from updating.errors import FitError
 
 Vector = NDArray[np.float64]
 
@@ -173,3 +177,41 @@ def unit_shape(measured: NDArray[np.complex128] | Vector) -> Vector:
     """Return measured shapes, (n_dof, n_mode), turned real and at unit length."""
     turned = np.real(measured * np.exp(-0.5j * np.angle(np.sum(measured**2, axis=0))))
     return np.asarray(turned / np.linalg.norm(measured, axis=0))
+
+
+MEASUREMENT = "measurement"
+"""Family of these hypotheses."""
+STATED_PRESSURE, STATED_SIZE, STATED_PLACE = "stated_pressure", "stated_size", "stated_place"
+SENSOR_GAIN, STATED_POINTS, WINDOW = "sensor_gain", "stated_points", "exponential_window"
+LABELS = {
+    STATED_PRESSURE: "a pressure or torque stated wrongly",
+    STATED_SIZE: "dimensions of the stack stated wrongly",
+    STATED_PLACE: "clamps that sit elsewhere than stated",
+    SENSOR_GAIN: "the calibration of a roving accelerometer",
+    STATED_POINTS: "measured points that all sit farther along the stack than stated",
+    WINDOW: "the damping of an exponential window",
+}
+"""What each is called."""
+PRESSURE, SIZE, GAIN = 0.07, 0.01, 0.3
+"""Standard deviations of logarithms where something was stated wrongly."""
+PLACE = 8e-3
+"""The same of a place, m."""
+FALL = 3.0
+"""The same of a decay, 1/s: of a window that falls to a hundredth in 1.5 s."""
+
+
+_KEYS: dict[str, Any] = {
+    field.name: (Annotated[float, Field(gt=0, lt=1)], field.default) for field in fields(DiagnosisScatter)
+}
+ScatterFile = create_model("ScatterFile", __base__=Section, __doc__="The form of the whole file.", **_KEYS)
+
+
+def read_scatter(path: Path) -> DiagnosisScatter:
+    """Read standard deviations, relative to the value, under the names of `DiagnosisScatter`; what is not stated stays.
+
+    Raises
+    ------
+    FitError
+        The file is missing, is not TOML, or has a key that is unknown or no number between 0 and 1.
+    """
+    return DiagnosisScatter(**read_form(path, ScatterFile, FitError).model_dump())

@@ -13,10 +13,10 @@ from model import Effect, Parameter
 from model.effects.parts import every_lamina, mean_over, square
 from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
-from updating.diagnosis.answer_parts import NextTest
+from updating.diagnosis.answer import NextTest
 from updating.diagnosis.evidence import SomeModes, Tested
+from updating.diagnosis.over_force import second_level
 from updating.diagnosis.ranking import misfit
-from updating.diagnosis.second_level import second_level
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.discrepancy import joined, whitened
 from updating.inference.equation_error import equation_errors

@@ -14,9 +14,8 @@ from ema.types.modal_model import ModalModel
 from ema.types.threads import single_threaded
 from model import MatrixStructure, Modes, ReducedMatrices
 from updating.correlation.pairing import pair, require_points
-from updating.diagnosis.answer import Diagnosis
+from updating.diagnosis.answer import Diagnosis, Moved
 from updating.diagnosis.answer_of import answer_of
-from updating.diagnosis.answer_parts import Moved
 from updating.diagnosis.diagnosis import SHARES, priors_of
 from updating.diagnosis.evidence import DiagnosisScatter, Tested
 from updating.diagnosis.matrices_model import MatricesModel

@@ -16,10 +16,21 @@ from ema.types.modal_model import ModalModel
 from model import Effect, MatricesError, MatrixStructure, Parameter, ReducedMatrices, reduce_matrices
 from model.matrices.readers import Target
 from model.matrices.reduced import Places, places_on
-from updating.diagnosis.answer_parts import Moved
-from updating.diagnosis.coordinates import free_coordinate, scaled
-from updating.diagnosis.evidence import DECAY, POINTS_SHIFT, DiagnosisScatter, Tested
-from updating.diagnosis.hypotheses import FALL, GAIN, LABELS, PLACE, SENSOR_GAIN, STATED_POINTS, WINDOW
+from updating.diagnosis.answer import Moved
+from updating.diagnosis.evidence import (
+    DECAY,
+    FALL,
+    GAIN,
+    LABELS,
+    PLACE,
+    POINTS_SHIFT,
+    SENSOR_GAIN,
+    STATED_POINTS,
+    WINDOW,
+    DiagnosisScatter,
+    Tested,
+)
+from updating.diagnosis.fit_settings import free_coordinate, scaled
 from updating.diagnosis.matrices_candidates import DRIVE, candidates_of
 from updating.diagnosis.stack_model import n_gain, state_of
 from updating.errors import PairingError

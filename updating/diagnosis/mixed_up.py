@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.diagnosis.answer_parts import MixedUp
+from updating.diagnosis.answer import MixedUp
 from updating.diagnosis.calibration import MIXED_UP
 from updating.diagnosis.evidence import Tested
 from updating.inference.discrepancy import SizePrior

@@ -12,7 +12,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model import Observation
-from updating.diagnosis.answer_parts import Kind, PointChange
+from updating.diagnosis.answer import Kind, PointChange
 from updating.diagnosis.calibration import MOST, POINT_SHOWS
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.discrepancy import Evidence, Problem, evidence, spectrum, whitened

@@ -2,22 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.diagnosis.answer import Pulled, Ranked
-from updating.diagnosis.answer_parts import SensorGain, Sizes
+from model import Effect, Parameter
+from updating.diagnosis.answer import Moved, Pulled, Ranked, SensorGain, Sizes
 from updating.diagnosis.calibration import FAR
-from updating.diagnosis.coordinates import scaled
-from updating.diagnosis.explained import Explained
+from updating.diagnosis.fit_settings import scaled
 from updating.fitting.fit import ParameterEstimate
 from updating.inference import discrepancy
 from updating.inference.discrepancy import whitened
 from updating.inference.explain import Explanation
+from updating.inference.protocol import Model
 from updating.inference.search import Search
 from updating.results.text import Z95
+
+
+class Explained(Model, Protocol):
+    """A model whose explanations are reported: a stack, or matrices of another program."""
+
+    @property
+    def effects(self) -> Mapping[str, Effect]:
+        """Candidates for what is missing, by name."""
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Parameters of all of them, by name."""
+
+    @property
+    def hypotheses(self) -> Mapping[str, Mapping[str, float]]:
+        """What may have been stated or measured wrongly: of each, the nuisances whose prior it widens."""
+
+    @property
+    def labels(self) -> Mapping[str, str]:
+        """Plain name of each effect and hypothesis."""
+
+    def unit(self, nuisance: str) -> str:
+        """Return the unit of a nuisance: m of places, 1/s of a decay, 1 where it is the logarithm of a ratio."""
+
+    def moved(self, explanation: Explanation) -> tuple[Moved, ...]:
+        """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""
+
 
 Vector = NDArray[np.float64]
 

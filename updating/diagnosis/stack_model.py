@@ -14,24 +14,16 @@ from model import Effect, Observation, Parameter, ReducedEquations, observe, sha
 from model.elements.equations import OMEGA
 from model.reduction.reduced_equations import ReducedTerm, full, generic
 from model.reduction.riding import RidingPart
-from updating.diagnosis.answer_parts import Moved
-from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel
-from updating.diagnosis.coordinates import scaled
+from updating.diagnosis.answer import Moved
+from updating.diagnosis.candidates import DIMENSIONS, G_F_RANGE, CandidateModel, FinerMesh
 from updating.diagnosis.evidence import (
     D_F_START,
     DECAY,
-    POINTS_SHIFT,
-    DiagnosisScatter,
-    Tested,
-    unit_shape,
-)
-from updating.diagnosis.finer_mesh import FinerMesh
-from updating.diagnosis.fit_settings import FitSettings
-from updating.diagnosis.hypotheses import (
     FALL,
     GAIN,
     LABELS,
     PLACE,
+    POINTS_SHIFT,
     PRESSURE,
     SENSOR_GAIN,
     SIZE,
@@ -40,7 +32,11 @@ from updating.diagnosis.hypotheses import (
     STATED_PRESSURE,
     STATED_SIZE,
     WINDOW,
+    DiagnosisScatter,
+    Tested,
+    unit_shape,
 )
+from updating.diagnosis.fit_settings import FitSettings, scaled
 from updating.diagnosis.moved import moved
 from updating.diagnosis.sensor_place import place_slopes
 from updating.diagnosis.slipping import slip_effect

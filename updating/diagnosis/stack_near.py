@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import Matrix, ReducedTerm, generic
-from updating.diagnosis.coordinates import scaled
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
+from updating.diagnosis.fit_settings import scaled
 from updating.diagnosis.local_basis import MODES, N_FURTHER, Responses, gathered, leading, parallel, times
 from updating.diagnosis.stack_screen import ENERGIES, StackScreen
 from updating.diagnosis.stack_state import Whole

@@ -9,11 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from model.effects.contact_slip import STRAIN
-from updating.diagnosis.answer import Diagnosis, Ranked, Telling, telling
-from updating.diagnosis.answer_parts import MixedUp, PointChange, SensorGain
+from updating.diagnosis.answer import Diagnosis, MixedUp, PointChange, Ranked, SensorGain, Telling, telling
 from updating.diagnosis.calibration import FAR
-from updating.diagnosis.moved import REPORTED, moved_text
-from updating.diagnosis.nuisance_text import misstated, pulled_text
+from updating.diagnosis.moved import REPORTED, misstated, moved_text, pulled_text
 from updating.inference.discrepancy import DAMPING, STIFFNESS
 from updating.inference.levels import FALLS, INADEQUATE, NAMED
 from updating.results.text import percent, quantity, together

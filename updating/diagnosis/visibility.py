@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from updating.diagnosis.calibration import EXCLUDED, VISIBLE
-from updating.diagnosis.coordinates import coordinate_of
-from updating.diagnosis.explained import Explained
+from updating.diagnosis.fit_settings import coordinate_of
+from updating.diagnosis.ranking import Explained
 from updating.inference.discrepancy import joined
 from updating.inference.explain import Explanation, coordinates_of, errors_at
 from updating.inference.protocol import LocalModel, Term

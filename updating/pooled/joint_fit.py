@@ -16,12 +16,11 @@ from ema.types.threads import single_threaded
 from model import Effect, catalogue
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.candidates import CandidateModel, candidate_model
-from updating.diagnosis.coordinates import coordinate_of, scaled
 from updating.diagnosis.diagnosis import beside_model, priors_of, searched
 from updating.diagnosis.evidence import Tested, some_of
-from updating.diagnosis.fit_settings import FitSettings, is_pinned
+from updating.diagnosis.fit_settings import FitSettings, coordinate_of, is_pinned, scaled
 from updating.diagnosis.joint_answer import Updated
-from updating.diagnosis.nuisance_text import pulled_text
+from updating.diagnosis.moved import pulled_text
 from updating.diagnosis.ranking import mean_error, rank
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.stack_model import StackModel
@@ -30,10 +29,9 @@ from updating.inference.decide import decide
 from updating.inference.discrepancy import Sizes
 from updating.inference.explain import Explanation, Setting, coordinates_of, explain
 from updating.inference.left_out import Kind, LeftOut, left_out
-from updating.pooled.diagnosis import specimens_model
+from updating.pooled.diagnosis import estimate_of, specimens_model
 from updating.pooled.groups import Group
 from updating.pooled.joint_parts import Fitted, configurations_left_out, damped, joint_answer
-from updating.pooled.parts import estimate_of
 from updating.pooled.search import begin, fit_terms
 from updating.pooled.specimen import Specimen
 from updating.pooled.specimens_model import SpecimensModel

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.modal.mac import mac
-from updating.diagnosis.answer_parts import Moved, Sizes
-from updating.diagnosis.coordinates import scaled
+from updating.diagnosis.answer import Moved, Sizes
 from updating.diagnosis.evidence import D_F_START
-from updating.diagnosis.fit_settings import CONTACT, RATIOS, FitSettings, is_pinned
+from updating.diagnosis.fit_settings import CONTACT, RATIOS, FitSettings, is_pinned, scaled
 from updating.diagnosis.joint_answer import ConfigurationFit, FittedParameter, JointFit
 from updating.diagnosis.moved import moved
 from updating.diagnosis.stack_model import StackModel

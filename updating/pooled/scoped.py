@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from updating.diagnosis.evidence import LABELS, PRESSURE, STATED_PRESSURE, WINDOW
 from updating.diagnosis.fit_settings import FitSettings
 from updating.diagnosis.fit_settings import Scope as Where
-from updating.diagnosis.hypotheses import LABELS, PRESSURE, STATED_PRESSURE, WINDOW
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.levels import MISSING
 from updating.inference.protocol import Coordinate, Term

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ema.plot import palette
 from model import printed_effects
-from updating.diagnosis.answer import Diagnosis, ModeError
-from updating.diagnosis.answer_parts import Moved
+from updating.diagnosis.answer import Diagnosis, ModeError, Moved
 from updating.fitting.fit import Estimate, ParameterEstimate
 from updating.report.chart import Chart, axis, charted, legend_above
 from updating.report.part import Picture, Section, Table, as_csv

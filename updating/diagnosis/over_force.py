@@ -1,10 +1,12 @@
-"""What a second force level would show of slip in the contact, for a test with one level."""
+"""Slip in the contact over the amplitude: what the force levels of a test show of it, and what a second level would."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from model.effects.contact_slip import EFFECT, STRAIN
+from updating.diagnosis.answer import ContactAmplitude
+from updating.diagnosis.fit_settings import scaled
 from updating.diagnosis.slipping import N_SHARE, slipped
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.explain import Explanation
@@ -49,3 +51,42 @@ def second_level(model: StackModel, explanation: Explanation) -> float | None:
         noise = np.hypot(state.frequency_std / state.frequency, _DRIFT)
         moved.append(np.log(root[1] / root[0]) / (np.sqrt(2.0) * noise))
     return float(np.linalg.norm(np.concatenate(moved)))
+
+
+def contact_amplitudes(model: StackModel, explanation: Explanation) -> tuple[ContactAmplitude, ...]:
+    """Return the amplitudes of the contact, level by level; none where no amplitude was measured.
+
+    Parameters
+    ----------
+    model : StackModel
+        Measurement and model.
+    explanation : Explanation
+        Whose slip it is, if it has any.
+    """
+    effect, amplitudes = model.slip, []
+    values = {}
+    if effect is not None and effect.name in explanation.terms:
+        values = {p.name: scaled(p, explanation.value(p.name))[0] for p in effect.parameters}
+    for tested in model.tested:
+        if tested.strain is None or tested.motion is None:
+            continue
+        for r, strain in enumerate(tested.strain):
+            softening, loss = (
+                effect.over_strain(values, strain)
+                if values and effect is not None and effect.over_strain is not None
+                else np.zeros((2, 1))
+            )
+            amplitudes.append(
+                ContactAmplitude(
+                    configuration=tested.name,
+                    mode=r + 1,
+                    frequency=float(tested.modes.frequency[r]),
+                    motion=float(tested.motion[r]),
+                    strain=float(np.mean(strain)),
+                    largest_strain=float(strain[-1]),
+                    slip=float(strain[-1] * np.mean(model.stack.spacing)),
+                    softening=float(np.mean(softening)),
+                    loss=float(np.mean(loss)),
+                )
+            )
+    return tuple(amplitudes)
