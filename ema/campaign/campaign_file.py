@@ -134,7 +134,6 @@ SUFFIXES: dict[str, Format] = {
 
 _UNIVERSAL = re.compile(rb"(?:\xef\xbb\xbf)?\s*-1 *\r?\n(?: *-1 *\r?\n)* {0,6}\d{2,4}[bB]?\b")
 """How a universal file begins: a delimiter and the number of a data set."""
-_BEGINNING = 400  # bytes of a file that are looked at
 
 NOT_READ = {
     ".frf": "a format of one program: export its FRFs as a universal file (58)",
@@ -150,12 +149,13 @@ NOT_READ = {
 
 def format_of(file: Path, stated: Format | None = None) -> Format:
     """Return the format of a file: the stated one, else that of its suffix, or of a universal file called otherwise."""
+    beginning = 400  # bytes of a file that are looked at
     known = stated or SUFFIXES.get(file.suffix.lower())
     if known is not None:
         return known
     try:
         with file.open("rb") as begin:
-            return "uff" if _UNIVERSAL.match(begin.read(_BEGINNING)) else "csv"
+            return "uff" if _UNIVERSAL.match(begin.read(beginning)) else "csv"
     except (OSError, ValueError):
         return "csv"  # reading it says what is wrong
 
@@ -235,9 +235,6 @@ def _named(path: Path, folder: Path, key: str, pattern: str) -> list[Path]:
 def natural(file: Path) -> list[tuple[int, str]]:
     """Return what sorts files as people count them, run 2 before run 10."""
     return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", str(file))]
-
-
-_HIGHEST = 1e9  # Hz
 
 
 def _dof(given: object) -> Dof:
@@ -468,9 +465,10 @@ class IdentificationSection(Section):
 
     @model_validator(mode="after")
     def _ascending(self) -> IdentificationSection:
-        if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1] <= _HIGHEST:
+        highest = 1e9  # Hz
+        if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1] <= highest:
             raise ValueError(
-                f"band_Hz must be [lower, upper] with 0 <= lower < upper <= {_HIGHEST:g}, found "
+                f"band_Hz must be [lower, upper] with 0 <= lower < upper <= {highest:g}, found "
                 f"{list(self.band_Hz)}"
             )
         return self

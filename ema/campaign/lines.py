@@ -30,8 +30,6 @@ def snapped(frequency: NDArray[np.float64], *, nearly_zero: float = 0.05) -> NDA
 
 MOST_LOST = 0.01
 """Share of the lines of a function that are bridged; where more are lost, the check of its numbers refuses it."""
-LONGEST_GAP = 2
-"""Lines in a row that are bridged; a longer gap may hide a resonance."""
 Entry = TypeVar("Entry", bound=Any)
 
 
@@ -102,6 +100,7 @@ def _bridged(
     value: NDArray[np.complex128], finite: NDArray[np.bool_], inside: NDArray[np.bool_]
 ) -> NDArray[np.complex128]:
     """Return a function with its short gaps bridged, and with those outside the band, which nothing looks at."""
+    longest_gap = 2  # lines in a row that are bridged; a longer gap may hide a resonance
     line, known = np.arange(value.size), np.flatnonzero(finite)
     if known.size < 2 or finite.all():
         return value
@@ -109,7 +108,7 @@ def _bridged(
         np.diff(np.r_[-1, known, value.size]) - 1
     )  # lines lost before each line that is known, and after the last
     longest = gap[np.searchsorted(known, line, side="left")]
-    bridged = ~finite & ((longest <= LONGEST_GAP) | ~inside)
+    bridged = ~finite & ((longest <= longest_gap) | ~inside)
     if np.count_nonzero(bridged & inside) > max(MOST_LOST * np.count_nonzero(inside), 1.0):
         bridged &= ~inside
     filled = np.interp(line, known, value[known].real) + 1j * np.interp(line, known, value[known].imag)

@@ -39,9 +39,6 @@ from lamella_shared import arrays
 
 Vector = NDArray[np.float64]
 
-_DRIFT = 2e-4
-"""Share of a frequency by which tests of one linear structure on one day differ: less is no change with amplitude."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Level:
@@ -123,6 +120,9 @@ class AmplitudeDependence:
     def _findings(self) -> Iterator[str]:
         # Standard deviations by which a change from the lowest to the highest amplitude must exceed 0 to be
         # reported.
+        # Share of a frequency by which tests of one linear structure on one day differ: less is no change with
+        # amplitude.
+        drift = 2e-4
         damping_drift = 0.03  # share of a damping ratio by which such tests differ
         shows = 3.0
         for r, share in enumerate(self.softening):
@@ -134,8 +134,8 @@ class AmplitudeDependence:
             f_std = np.hypot(*(self.frequency_std[[low, high], r] / f[[low, high]]))
             xi_std = np.hypot(*(self.damping_std[[low, high], r] / xi[[low, high]]))
             grown = xi[high] / xi[low] - 1.0
-            softer = share < -shows * np.hypot(f_std, _DRIFT)
-            changed = abs(share) > shows * np.hypot(f_std, _DRIFT) or abs(grown) > shows * np.hypot(
+            softer = share < -shows * np.hypot(f_std, drift)
+            changed = abs(share) > shows * np.hypot(f_std, drift) or abs(grown) > shows * np.hypot(
                 xi_std, damping_drift
             )
             what = (

@@ -43,7 +43,6 @@ from ema.types.frf import Quantity
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
 _NONE = np.empty(0, dtype=complex)
-_AT_ONCE = 1 << 19  # values of functions, 8 MB of them: more are taken in blocks
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -181,7 +180,8 @@ class _Target:
     @cached_property
     def blocks(self) -> list[slice]:
         """Functions that are taken at once: all of them, unless they are large."""
-        few = max(1, _AT_ONCE // self.frequency.size)
+        at_once = 1 << 19  # values of functions, 8 MB of them: more are taken in blocks
+        few = max(1, at_once // self.frequency.size)
         return [slice(first, first + few) for first in range(0, len(self.value), few)]
 
     @cached_property

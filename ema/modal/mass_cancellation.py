@@ -140,8 +140,6 @@ _WIDE = 1e-2
 so narrow that a fit ends on its side."""
 _UNEVEN = 0.5
 """By how much, relative to their mean, the flexibilities that modes above the band have differ from place to place."""
-_SHAPE_STD = 2e-3
-"""Standard deviation of shapes, relative to their root mean square, where they are weighed against frequencies."""
 _HEAVIEST = 0.5
 """Largest share of a modal mass that sensors of one run may add; beyond it the modes of the band do not suffice."""
 
@@ -316,6 +314,8 @@ class _Problem:
     @classmethod
     def of(cls, modes: RovedModes, load: NDArray[np.float64] | None) -> _Problem:
         """Lay out the unknowns for loads as `without_sensors` takes them."""
+        # Standard deviation of shapes, relative to their root mean square, where they are weighed against frequencies.
+        shape_std = 2e-3
         # Part of the largest shift of a mode by which shapes may be off where it is not known what modes beyond the
         # band add at the force: no more than what sensors change by those of the band.
         uncertain = 1.0
@@ -339,7 +339,7 @@ class _Problem:
         each = np.tile(rms, len(modes.shape))
         size = np.concatenate([np.ones(n_mode), first, force, np.ones(len(pair)), each])
         unit = yielding_beyond(modes.shape, square) if in_kg else np.zeros(n_mode)
-        off = _SHAPE_STD if modes.rest is not None else np.hypot(_SHAPE_STD, uncertain * shift)
+        off = shape_std if modes.rest is not None else np.hypot(shape_std, uncertain * shift)
         return cls(
             modes=modes,
             given=given,

@@ -27,8 +27,6 @@ damping / (2 pi N) of its square and that of a damping ratio 1 / (2 pi N damping
 damping ratio of 0.5 %, 0.05 to 0.1 % and 10 to 20 %. 1 % of a shape is what the calibration of sensors leaves."""
 _DAMPING = 1e-2
 """Damping ratio that stands where none is stated."""
-_LARGE = 0.1
-"""Median of damping ratios above which they may be in per cent: metal and concrete have 0.1 to 5 %."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,6 +64,7 @@ def read_modes(campaign: Campaign, name: str) -> ReadModes:
     MeasurementError
         A file cannot be read or holds no mode, or a point is not in the list of points.
     """
+    large = 0.1  # median of damping ratios above which they may be in per cent: metal and concrete have 0.1 to 5 %
     configuration = campaign.configuration(name)
     if not configuration.has_modes:
         raise CampaignError(
@@ -85,7 +84,7 @@ def read_modes(campaign: Campaign, name: str) -> ReadModes:
             "the [[configuration]]"
         )
     usual = float(np.median(known)) if (known := modes.damping[~np.isnan(modes.damping)]).size else 0.0
-    if usual > _LARGE:
+    if usual > large:
         notes.append(
             f"half of the damping ratios are above {100 * usual:.3g} %, as of few structures: if the files state them "
             "in per cent, write the hundredth part"

@@ -15,8 +15,6 @@ from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel, synthesize_runs
 from lamella_shared import readonly
 
-_AT_ONCE = 1024  # that are compared at a time: all functions may be large
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExplainedPower:
@@ -84,13 +82,14 @@ class ExplainedPower:
 
 def explained_power(frf: FRF, modal_model: ModalModel) -> ExplainedPower:
     """Compare what was identified, at the outputs and inputs of the model, with what the model stands for."""
+    at_once = 1024  # that are compared at a time: all functions may be large
     lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
     quantity = whitest(lines)
     middle = 0.5 * (modal_model.frequency[1:] + modal_model.frequency[:-1])
     edge = np.concatenate([modal_model.band[:1], middle, modal_model.band[1:]])
     left, held = np.zeros((2, *lines.value.shape[:2], edge.size - 1))
-    for first in range(0, lines.frequency.size, _AT_ONCE):
-        block = lines.frequency[first : first + _AT_ONCE]
+    for first in range(0, lines.frequency.size, at_once):
+        block = lines.frequency[first : first + at_once]
         part = lines.band(block[0], block[-1]).convert(quantity)
         place = np.clip(np.searchsorted(edge, part.frequency, side="right") - 1, 0, edge.size - 2)
         of_band = (place[:, None] == np.arange(edge.size - 1)).astype(float)

@@ -27,7 +27,6 @@ from model.stack.stack import Stack
 Vector = NDArray[np.float64]
 
 _TOLERANCE = 1e-8  # of the residual relative to the load
-_RATIO = 1.8  # of neighbouring values over z that share one planar factor of the preconditioner
 _RIGID = 1e7  # bending stiffness of a rigid plate in the preconditioner, relative to a lamina
 _FLOOR = 1e-6  # of the mean tangent; lost contact would make the preconditioner singular
 
@@ -94,6 +93,7 @@ class _Problem:
         The tangent over spacing E(x, y, k) becomes e(k) m(x, y). In the modes of the chain e the laminas
         decouple; chain eigenvalues that are close share one planar factor.
         """
+        ratio = 1.8  # of neighbouring values over z that share one planar factor of the preconditioner
         stiffness = tangent / self.law.spacing[:, None]
         whole = np.sum(stiffness @ self.area) / (self.area.sum() * stiffness.shape[0])
         over_z = np.maximum(stiffness @ self.area / self.area.sum() / whole, _FLOOR)
@@ -104,9 +104,9 @@ class _Problem:
         inertia[[0, -1]] += self.face_ratio
         values, vectors = la.eigh((jump.T * over_z) @ jump, np.diag(inertia))
         values[0] = 0.1 * values[1]  # rigid motion of the whole, of which the load has none
-        group = np.round(np.log(values / values[0]) / np.log(_RATIO)).astype(int)
+        group = np.round(np.log(values / values[0]) / np.log(ratio)).astype(int)
         solves = {
-            int(g): splinalg.factorized((self.bending + values[0] * _RATIO ** float(g) * planar).tocsc())
+            int(g): splinalg.factorized((self.bending + values[0] * ratio ** float(g) * planar).tocsc())
             for g in np.unique(group)
         }
 

@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 
-_NODES = 60  # of the integral over slip limits where everything slides at the peak
-
 
 @dataclass(frozen=True, kw_only=True)
 class SlipLaw:
@@ -124,8 +122,9 @@ class SlipLaw:
     @cached_property
     def _limits(self) -> tuple[Vector, Vector]:
         """Slip limits and weights that integrate over the power law (Gauss and Jacobi)."""
+        nodes = 60  # of the integral over slip limits where everything slides at the peak
         density, _ = self._power
-        node, weight = scipy.special.roots_jacobi(_NODES, 0.0, self.exponent)
+        node, weight = scipy.special.roots_jacobi(nodes, 0.0, self.exponent)
         return 0.5 * (node + 1.0), density * weight / 2.0 ** (self.exponent + 1.0)
 
     def sliders(self, count: int) -> tuple[Vector, Vector]:

@@ -24,20 +24,19 @@ from model.elements.mesh import FIELDS
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
 
-_LONG = 13
-"""Places along the longer side: a mass counts at most a fifth too little in the second bending mode, where it moves
-most, for it is spread with a standard deviation of half a step."""
-_FEWEST = 5
-"""Places along the shorter side at least: the turning of a narrow stack is off by a sixteenth at its sides."""
-
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the mass of one kilogram at each place, with its share of what lies elsewhere."""
+    # Places along the shorter side at least: the turning of a narrow stack is off by a sixteenth at its sides.
+    fewest = 5
+    # Places along the longer side: a mass counts at most a fifth too little in the second bending mode, where it moves
+    # most, for it is spread with a standard deviation of half a step.
+    long = 13
     stack = assembly.stack
     if stack.outline is not None:
         raise EffectError("added_mass: its location is looked for on a rectangle, and an outline is none")
     longer = max(stack.length, stack.width)
-    n_x, n_y = (max(_FEWEST, round(1 + (_LONG - 1) * side / longer)) for side in (stack.length, stack.width))
+    n_x, n_y = (max(fewest, round(1 + (long - 1) * side / longer)) for side in (stack.length, stack.width))
     mean = mean_lamina(stack)
     # The square at a face, in the mean of both, of a motion that is linear over the height.
     face = mean + 0.25 * tie(stack)

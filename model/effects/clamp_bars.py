@@ -25,10 +25,6 @@ from model.elements.equations import Assembly, Formula, Kron, Term, Theta
 from model.elements.terms import footprint_points
 from model.stack.effect import Effect, Parameter
 
-_HALF = 20.0  # N m2, half as much as a rigid bar on the demo stack
-_ON_PLAN = 1e-6  # of the width, within which a point lies on the plan
-_DEGREE = 3  # of a bar's deflection: an arc and an S; finer forms lie between the elements of a usual mesh
-
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return bars of 1 N m2 on both faces at each clamp."""
@@ -43,18 +39,21 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 
 def _rigidity(t: Theta) -> Any:
-    return _HALF * t["bar_hold"] / (1.0 - t["bar_hold"])
+    half = 20.0  # N m2, half as much as a rigid bar on the demo stack
+    return half * t["bar_hold"] / (1.0 - t["bar_hold"])
 
 
 def _bar(assembly: Assembly, x: float, length: float) -> sp.csr_matrix:
     """Return the bending energy, twice, of the cubic over y that lies closest to w under a bar of 1 N m2."""
+    degree = 3  # of a bar's deflection: an arc and an S; finer forms lie between the elements of a usual mesh
+    on_plan = 1e-6  # of the width, within which a point lies on the plan
     plan, width = assembly.plan, assembly.stack.width
     points, weights = footprint_points((x, 0.0), (length, width), plan)
-    on_it = np.linalg.norm(plan.nearest(points) - points, axis=1) < _ON_PLAN * width
+    on_it = np.linalg.norm(plan.nearest(points) - points, axis=1) < on_plan * width
     points, weights = points[on_it], weights[on_it]
-    forms = np.sqrt(weights)[:, None] * legendre.legvander(2.0 * points[:, 1] / width, _DEGREE)
+    forms = np.sqrt(weights)[:, None] * legendre.legvander(2.0 * points[:, 1] / width, degree)
     closest = sp.csr_matrix(np.linalg.pinv(forms) * np.sqrt(weights)) @ plan.point_rows("w", points)
-    bend = legendre.legval(2.0 * points[:, 1] / width, legendre.legder(np.eye(_DEGREE + 1), 2)).T
+    bend = legendre.legval(2.0 * points[:, 1] / width, legendre.legder(np.eye(degree + 1), 2)).T
     rigidity = (2.0 / width) ** 4 * width * (bend.T * weights) @ bend
     return (closest.T @ sp.csr_matrix(rigidity) @ closest).tocsr()
 

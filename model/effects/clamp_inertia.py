@@ -26,9 +26,6 @@ from model.elements.equations import Assembly, Formula, Kron, Term, Theta
 from model.stack.effect import Effect, Parameter
 
 _GRID = np.linspace(0.0, 1.0, 9)
-_REACH = 0.4  # of the length, from the middle to the outermost station
-_FOOTPRINT = 1.0 / 6.0  # of the length, where no clamp of the stack has one
-_SHARING = 2  # how far apart places are that may share a station
 
 
 def _of_places(t: Theta, i: int, j: int) -> Any:
@@ -38,15 +35,18 @@ def _of_places(t: Theta, i: int, j: int) -> Any:
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the inertia of a unit J that turns with one place, and with two that share a station."""
+    sharing = 2  # how far apart places are that may share a station
+    footprint = 1.0 / 6.0  # of the length, where no clamp of the stack has one
+    reach = 0.4  # of the length, from the middle to the outermost station
     stack, found = assembly.stack, []
     pressed = max((clamp.footprint[0] for clamp in stack.clamps), default=0.0)
-    z, size = mean_lamina(stack), (pressed or _FOOTPRINT * stack.length, stack.width)
+    z, size = mean_lamina(stack), (pressed or footprint * stack.length, stack.width)
     rows = [
-        [turn_of(assembly, (side * _REACH * station * stack.length, 0.0), size, "y", tapered=True) for side in (-1, 1)]
+        [turn_of(assembly, (side * reach * station * stack.length, 0.0), size, "y", tapered=True) for side in (-1, 1)]
         for station in _GRID
     ]  # fmt: skip
     for i, here in enumerate(rows):
-        for j, there in enumerate(rows[i : i + 1 + _SHARING], i):
+        for j, there in enumerate(rows[i : i + 1 + sharing], i):
             products = (one.T @ other for one, other in zip(here, there, strict=True))
             planar = sum(own if i == j else own + own.T for own in products)
             found.append(

@@ -46,20 +46,14 @@ HELD = dataclasses.replace(CLAMPED, supports=(EdgeSupport(edge="left", across=np
 """The same, held at one end."""
 
 _PRESSURES = (160e3, 320e3)
-_INSIDE = (
-    0.37,
-    0.81,
-)  # of the range: where derivatives are compared, off round numbers, where laws may have kinks
-_NEGATIVE = 1e-4  # of the first elastic mode's: stiffness or damping below minus this is negative
+# Of the range: where derivatives are compared, off round numbers, where laws may have kinks
+_INSIDE = (0.37, 0.81)
 _FORCE = 1e-9  # of the forces that cancel: above it rigid-body motion meets a force
 _SYMMETRIC = 1e-12
 _STEP = 1e-4  # of a parameter's range, of differences
-_WIDE_STEP = 1e-3  # of five-point ones: stiff supports' rounding spoils narrow differences, kinks wide ones
 _CENTRAL = {-1: -0.5, 1: 0.5}
 _FIVE_POINT = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 _FACTOR_ERROR = 1e-5
-_GRADIENT_ERROR = 1e-4  # of the range's effect on the frequency; differences keep some six digits
-_TINY = 1e-6  # of the largest damping ratio: motion without contact has hardly any
 _N_MODE = 12
 
 _LABEL = re.compile(r"[^\WA-Z_][^\n]*[^\s.]")  # begins in lower case, one line, no full stop
@@ -109,11 +103,12 @@ def _base(stack: Stack) -> Assembly:
 @functools.cache
 def _reference(base: Assembly, pressure: float) -> tuple[sp.csr_matrix, dict[Target, float]]:
     """Return the mass matrix and, in units of it, how negative M, C and K may be for rounding."""
+    negative = 1e-4  # of the first elastic mode's: stiffness or damping below minus this is negative
     mass = _base_matrix(base, "M", pressure)
     stiffness = _base_matrix(base, "K", pressure)
     values, vectors = la.eigh(stiffness.toarray(), mass.toarray(), subset_by_index=[0, 6])
     damping = float(vectors[:, 6] @ _base_matrix(base, "C", pressure) @ vectors[:, 6])
-    return mass, {"M": 0.0, "C": _NEGATIVE * damping, "K": _NEGATIVE * float(values[6])}
+    return mass, {"M": 0.0, "C": negative * damping, "K": negative * float(values[6])}
 
 
 def _text_faults(effect: Effect) -> Iterator[str]:
@@ -255,6 +250,10 @@ def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator
 
 def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
     """Compare gradients of frequencies and damping ratios by each parameter with differences."""
+    tiny = 1e-6  # of the largest damping ratio: motion without contact has hardly any
+    gradient_error = 1e-4  # of the range's effect on the frequency; differences keep some six digits
+    # Of five-point ones: stiff supports' rounding spoils narrow differences, kinks wide ones
+    wide_step = 1e-3
     system = reduce(stack.with_effects(effect), n_snapshot=2, z_tolerance=1e-3)
     somewhere = Observation(
         node=np.zeros(1, int), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]])
@@ -275,13 +274,13 @@ def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
         gradient = np.array([found.frequency_gradient, found.damping_gradient])[:, :, columns]
         for j, parameter in enumerate(effect.parameters):
             value, span = values[parameter.name], _span(parameter, values[parameter.name])
-            for step, weights in ((_STEP, _CENTRAL), (_WIDE_STEP, _FIVE_POINT)):
+            for step, weights in ((_STEP, _CENTRAL), (wide_step, _FIVE_POINT)):
                 near = [modes({**values, parameter.name: value + n * step * span}) for n in weights]
                 moved = [[one.frequency, one.damping] for one in near]
                 slope = np.tensordot(np.array(list(weights.values())) / step, moved, axes=1)
                 error = np.abs(span * gradient[:, :, j] - slope)
-                sizes = at + _TINY * at.max(axis=1, keepdims=True) + np.abs(slope).max(axis=1, keepdims=True)
-                limit = _GRADIENT_ERROR * sizes
+                sizes = at + tiny * at.max(axis=1, keepdims=True) + np.abs(slope).max(axis=1, keepdims=True)
+                limit = gradient_error * sizes
                 if np.all(error <= limit):
                     break
             if np.any(error > limit):

@@ -32,8 +32,6 @@ from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
 from model.stack.parts import Clamp
 
-_NOTHING = 0.02
-"""Share of a clamp that is next to nothing: with less, its seat is rigid, so that other clamps add no modes."""
 _SLOPE = math.tan(math.radians(30.0))
 """Of the cone in which pressure spreads from what presses (Shigley, Mechanical Engineering Design, bolted joints)."""
 
@@ -104,8 +102,10 @@ def _wide(t: Theta, i: int, n: int) -> Any:
 
 def _compliance(t: Theta, i: int, n: int) -> Any:
     """Return the compliance of the seat of clamp i of n, m/N: all of it but where next to nothing rides."""
+    # Share of a clamp that is next to nothing: with less, its seat is rigid, so that other clamps add no modes.
+    nothing = 0.02
     share = _share(t, i, n)
-    return t["clamp_compliance"] * (1.0 + _NOTHING) * share / (share + _NOTHING)
+    return t["clamp_compliance"] * (1.0 + nothing) * share / (share + nothing)
 
 
 EFFECT = Effect(

@@ -20,18 +20,18 @@ from model.elements.equations import Assembly, Monomial, Term
 from model.stack.effect import Effect, Parameter
 
 _LENGTH = 0.05
-_PAD = (0.03, 0.03)  # a thin lamina alone would twist under the stud
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return springs of 1 N/m at the shaker's point."""
+    pad = (0.03, 0.03)  # a thin lamina alone would twist under the stud
     x, y, _ = known_or_usual_instruments(assembly.stack).shaker
     at, point, row = every_lamina(assembly.stack), np.array([[x, y]]), assembly.plan.point_rows
     krons = (
         square("u", row("u", point), at),
         square("v", row("v", point), at),
         *(
-            square("w", mean_over(assembly, "w", (x, y), _PAD, slope), at, _LENGTH**2 / 3.0)
+            square("w", mean_over(assembly, "w", (x, y), pad, slope), at, _LENGTH**2 / 3.0)
             for slope in ("x", "y")
         ),
     )

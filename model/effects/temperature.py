@@ -15,11 +15,10 @@ from model.effects.parts import again
 from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import Effect, Parameter
 
-_PER_KELVIN = -2.5e-4  # of Young's modulus of ferritic steel about room temperature
-
 
 def _change(t: Theta) -> Any:
-    return _PER_KELVIN * t["warming"]
+    per_kelvin = -2.5e-4  # of Young's modulus of ferritic steel about room temperature
+    return per_kelvin * t["warming"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

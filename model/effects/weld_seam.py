@@ -26,7 +26,6 @@ from model.effects.parts import shear_spring
 from model.elements.equations import Assembly, Formula, Kron, Term, Theta
 from model.stack.effect import Effect, Parameter
 
-_GRIP = (0.06, 0.015)  # of the plan that moves with a bead; over less, its elements decide how it gives way
 _PLACES = {"bead_shear": (0.0,), "quarter_shear": (-0.25, 0.25)}  # along the stack, of its length
 _SHEAR = "G A of a bead of up to 6 x 6 mm, a third of it for the lamina edge"
 
@@ -37,6 +36,8 @@ def _on_side(t: Theta, name: str, side: float) -> Any:
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return beads of G A = 1 N, those of each parameter and side together."""
+    # Of the plan that moves with a bead; over less, its elements decide how it gives way
+    grip = (0.06, 0.015)
     stack = assembly.stack
     root = sp.diags_array(np.sqrt(stack.spacing))
     over_z = (
@@ -45,13 +46,13 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     )
 
     def beads(name: str, side: float) -> tuple[Kron, ...]:
-        y = 0.5 * side * (stack.width - _GRIP[1])
+        y = 0.5 * side * (stack.width - grip[1])
         centres = [(share * stack.length, y) for share in _PLACES[name]]
         return tuple(
             kron
             for centre in centres
             for axis in ("x", "y")
-            for kron in shear_spring(assembly, centre, _GRIP, axis, over_z, tapered=True)
+            for kron in shear_spring(assembly, centre, grip, axis, over_z, tapered=True)
         )
 
     return tuple(

@@ -86,10 +86,6 @@ FIELDS: tuple[Field, ...] = ("u", "v", "w")
 Derivative = Literal["", "x", "y", "xx", "xy", "yy"]
 
 
-_HALF = 0.45  # of an element from which a part has one more; the sizes of stacks and clamps make just a half common,
-
-
-# and then neither rounding nor a dimension that is slightly off may change the mesh
 def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
     axes = ["xy".index(letter) for letter in derivative]
     tensor = (field, field.grad, field.hess)[len(axes)]
@@ -305,13 +301,16 @@ def rectangle(length: float, width: float, n_x: int, n_y: int, edges: Sequence[f
 
 def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
     """Return where elements end, from -length / 2 to length / 2."""
+    # Of an element, from which a part has one more: the sizes of stacks and clamps make just a half common, and then
+    # neither rounding nor a dimension that is slightly off may change the mesh.
+    half = 0.45
     coincide = 0.1  # of an element: edges that are closer are one
     end, size = length / 2.0, length / n
     inner = np.unique([edge for edge in edges if abs(edge) < end - coincide * size])
     apart = np.flatnonzero(np.diff(inner) > coincide * size) + 1
     marks = [-end, *(float(group.mean()) for group in np.split(inner, apart) if group.size), end]
     parts = [
-        np.linspace(low, high, max(1, math.floor((high - low) / size + 1.0 - _HALF)) + 1)
+        np.linspace(low, high, max(1, math.floor((high - low) / size + 1.0 - half)) + 1)
         for low, high in itertools.pairwise(marks)
     ]
     return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])

@@ -118,9 +118,6 @@ _SETTLED = 1e-4  # change of a shape of unit length and of an eigenvalue: of the
 _MOST_STEPS = 8
 
 
-_NEAR = 0.9  # cosine between shapes at two amplitudes, of which the second is sought from the first
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"n": "amplitude frequency damping slip", "any n": "coordinate"})
 class Backbone:
@@ -290,6 +287,7 @@ def _settled(
     eigenvalues: Vector, contact: _Contact, a: float, before: tuple[float, float, Vector]
 ) -> tuple[float, float, Vector] | None:
     """Return the solution of the nonlinear eigenproblem next to another one; None where there is none next to it."""
+    near = 0.9  # cosine between shapes at two amplitudes, of which the second is sought from the first
     _, value, shape = before
     for _ in range(_MOST_STEPS):
         force, tangent = contact.softened(a * shape)
@@ -297,7 +295,7 @@ def _settled(
         bordered = np.block([[np.diag(eigenvalues - value) - tangent, -shape[:, None]], [shape, np.zeros(1)]])
         step = np.linalg.solve(bordered, -np.append(rest, 0.5 * (shape @ shape - 1.0)))
         value, shape = value + step[-1], shape + step[:-1]
-        if shape @ before[2] < _NEAR or value <= 0.0:
+        if shape @ before[2] < near or value <= 0.0:
             return None
         if np.linalg.norm(step[:-1]) <= _SETTLED and abs(step[-1]) <= _SETTLED * value:
             return a, float(value), shape

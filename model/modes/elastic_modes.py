@@ -17,8 +17,6 @@ from model.reduction.reduced_equations import InRange, Matrix, ReducedEquations,
 from model.solvers.eigen import inverse_iterated, orthogonal_answers
 from model.stack.errors import SolveError
 
-_SAME = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Derivatives:
@@ -131,11 +129,12 @@ def mode_derivatives(
     omega : (n_mode,), optional
         Angular frequencies, rad/s, of these: factors are taken at each mode's own.
     """
+    same = 1e-9  # relative gap below which two eigenvalues count as one and their vectors are not separated
     row, column = which, np.arange(which.size)
     chosen, lam = vectors[:, row], eigenvalues[row]
     gap = lam - eigenvalues[:, None]
     scale = np.maximum(np.abs(lam), np.abs(eigenvalues[:, None]))
-    apart = np.where(np.abs(gap) > _SAME * scale, gap, np.inf)
+    apart = np.where(np.abs(gap) > same * scale, gap, np.inf)
     slopes, damped = _images(system, theta, names, chosen, omega)
     # beside all modes once for each parameter, which takes part in many terms
     unbalanced = np.moveaxis(slopes["K"] - slopes["M"] * lam, 0, 1).reshape(len(vectors), -1)

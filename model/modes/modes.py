@@ -154,7 +154,6 @@ _RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a r
 
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
 
-_LEAST = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
 
 Wanted = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.intp]]
 """Takes frequencies, (n,), Hz, and shapes, (n_dof, n), of elastic modes to the indices of those wanted."""
@@ -309,6 +308,7 @@ def _modes(
     found: Derivatives, observed: Observed, names: tuple[str, ...], n_rigid: int, outside: tuple[str, ...]
 ) -> Modes:
     """Return eigenvalues, modal damping and vectors, with their derivatives, as modes at the observed DOFs."""
+    least = 0.5  # of 1 - S: where damping couples modes more, second order says nothing any more
     omega = np.sqrt(np.where(np.arange(found.eigenvalue.size) < n_rigid, 0.0, found.eigenvalue))
     safe = np.where(omega > 0.0, omega, np.inf)
     d_omega = found.d_eigenvalue / (2.0 * safe[:, None])
@@ -316,7 +316,7 @@ def _modes(
     return Modes(
         frequency=omega / (2.0 * np.pi),
         damping=damping,
-        pole_frequency=omega / (2.0 * np.pi) / np.sqrt(np.maximum(1.0 - found.coupling, _LEAST)),
+        pole_frequency=omega / (2.0 * np.pi) / np.sqrt(np.maximum(1.0 - found.coupling, least)),
         shape=observed.reduced_rows @ found.coordinate,
         node=observed.node,
         direction=observed.direction,

@@ -41,9 +41,6 @@ from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
 
-_AT_ONCE = 2  # modes of which the residual is taken
-
-_RATIO = 8.0  # of eigenvalues over z that share one planar factor
 
 _MAX_STEPS = 30
 
@@ -208,14 +205,15 @@ def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Ve
     (n_mode,) float
         Relative errors: twice what the step lowers each frequency; 0 for rigid-body motion.
     """
+    at_once = 2  # modes of which the residual is taken
     theta = full_parameters(system, G_f, 0.0, None)
     values, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     full = system.laminas
     stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
     correct = _preconditioner(system, theta, shifted_factor(system.assembly, theta))
     error = np.zeros(n_mode)
-    for first in range(n_rigid, n_mode, _AT_ONCE):
-        part = slice(first, min(first + _AT_ONCE, n_mode))
+    for first in range(n_rigid, n_mode, at_once):
+        part = slice(first, min(first + at_once, n_mode))
         x = _from_phi(system, system.basis @ vectors[:, part])
         kx, mx = full.apply(stiffness, x), full.apply(mass, x)
         t = correct(kx - mx * values[part])
@@ -360,11 +358,12 @@ class _Rough:
 
     @classmethod
     def of(cls, assembly: Assembly, field: Field, krons: tuple[Kron, ...]) -> _Rough:
+        ratio = 8.0  # of eigenvalues over z that share one planar factor
         own = [(sp.csr_matrix(k.z), k.planar) for k in krons if k.row == k.column == field]
         size = assembly.plan.form(field, field).diagonal()
         mean = sum(float(np.mean(planar.diagonal() / size)) * z for z, planar in own)
         values, vectors = la.eigh(mean.toarray())
-        group = np.floor(np.log(np.maximum(values, values[-1] * 1e-12)) / np.log(_RATIO)).astype(int)
+        group = np.floor(np.log(np.maximum(values, values[-1] * 1e-12)) / np.log(ratio)).astype(int)
         members = tuple(np.flatnonzero(group == g) for g in np.unique(group))
         solvers = []
         for m in members:
@@ -388,9 +387,6 @@ class _Rough:
 Basis = Literal["first", "enriched", "all laminas"]
 
 _SHARE = 0.1  # of the tolerance, that the through-thickness functions may take in the first basis
-
-
-_SPARE = 2  # modes beyond those asked for, so that none is missing among close ones
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -456,11 +452,12 @@ def solve_verified(
     SolveError
         The modes do not converge.
     """
+    spare = 2  # modes beyond those asked for, so that none is missing among close ones
     enriched = 0.003  # of the tolerance, that the through-thickness functions may take in the enriched basis
     contact = stack.contact
 
     def attempt(share: float) -> tuple[ReducedSystem, Modes, NDArray[np.float64]]:
-        system = reduce(stack, n_mode=n_mode + _SPARE, n_snapshot=1, z_tolerance=share * tolerance)
+        system = reduce(stack, n_mode=n_mode + spare, n_snapshot=1, z_tolerance=share * tolerance)
         modes = solve_modes(system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observation)
         return system, modes, residual_error(system, G_f=contact.G_f, n_mode=n_mode)
 

@@ -18,12 +18,8 @@ from model.reduction.through_thickness import FREE, n_rigid, shear_shift
 from model.solvers.low_rank import Factor
 from model.stack.effect import Effect
 
-_EFFECTS_AT_ONCE = 8  # in one sample of the modes over z
 _SHARE = 0.75  # of its nominal strength, that an effect has in these samples
-_N_TRIAL = 21  # over a range of which some terms act over a part alone
 _ENERGY = 3e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
-_RANK = 1e-8  # singular values below this share of the largest are rounding
-_DEPTH = 2  # answers to forces, and to the inertia of these: what modes far above the measured ones add is small then
 
 
 def shaping(assembly: Assembly, names: Iterable[str]) -> frozenset[str]:
@@ -55,10 +51,11 @@ def effect_samples(assembly: Assembly, theta: Mapping[str, float]) -> list[dict[
     At full strength several that soften the contact could together make it negative. Effects that ground the stack are
     not among them: the modes are sought beside those of rigid-body motion.
     """
+    effects_at_once = 8  # in one sample of the modes over z
     effects = [effect for effect in assembly.stack.effects if not effect.grounded]
     own = shaping(assembly, (p.name for effect in effects for p in effect.parameters))
     effects = [effect for effect in effects if any(p.name in own for p in effect.parameters)]
-    n_group = -(-len(effects) // _EFFECTS_AT_ONCE)
+    n_group = -(-len(effects) // effects_at_once)
     return [
         {
             **theta,
@@ -236,15 +233,17 @@ def attachment_answers(
     -------
     (assembly.size, n_answer)
     """
+    depth = 2  # answers to forces and to the inertia of these: what modes far above add is small then
+    rank = 1e-8  # singular values below this share of the largest are rounding
     own = frozenset(p.name for effect in effects for p in effect.parameters)
     acting = {id(t.krons): t.krons for t in assembly.terms if t.factor.names(assembly.theta) & own}
     if not acting:
         return np.empty((assembly.size, 0))
     # Of each term alone first: they differ in size, and several act at the same places.
-    each = [la.orth(assembly.apply(krons, modes), _RANK) for krons in acting.values()]
-    force = la.orth(np.hstack(each), _RANK)
+    each = [la.orth(assembly.apply(krons, modes), rank) for krons in acting.values()]
+    force = la.orth(np.hstack(each), rank)
     mass, answers = assembly.krons("M", assembly.theta), list[NDArray[np.float64]]()
-    for _ in range(_DEPTH):
+    for _ in range(depth):
         answers.append(factor.solve(force))
         force = assembly.apply(mass, answers[-1])
     return np.hstack(answers)
@@ -254,10 +253,11 @@ def _strengths(
     assembly: Assembly, effects: Sequence[Effect], theta: Mapping[str, float]
 ) -> list[tuple[Term, float]]:
     """Return the mass and stiffness terms that effects can switch on, with the largest factor that they can have."""
+    n_trial = 21  # over a range of which some terms act over a part alone
     corners = [
         {**theta, **corner}
         for effect in effects
-        for corner in effect.combinations(lambda p: p.trials(_N_TRIAL))
+        for corner in effect.combinations(lambda p: p.trials(n_trial))
     ]
     found = []
     for term in assembly.terms:

@@ -22,13 +22,8 @@ from model.reduction.threads import threaded
 
 Vector = NDArray[np.float64]
 
-_DENSE = 0.02  # share of entries above which a planar matrix is multiplied faster as a dense one
 
 _FEW = 8  # shapes over the plan of which a matrix may be made, to be multiplied by these
-
-_EXACT = 1e-12  # of a matrix's largest entry, to which it must be the same then
-
-_STRIPS = 8  # across the plan, of such a one: those that are not neighbours have nothing in common
 
 
 def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
@@ -108,6 +103,7 @@ def _low_rank(
 
     The mean displacement under a clamp is one shape of many points. None where the matrix has more than `_FEW`.
     """
+    exact = 1e-12  # of a matrix's largest entry, to which it must be the same then
     rows = np.flatnonzero(np.diff(planar.indptr))
     columns = np.unique(planar.indices)
     if planar.nnz <= 0.5 * rows.size * columns.size or min(rows.size, columns.size) <= 2 * _FEW:
@@ -116,24 +112,26 @@ def _low_rank(
     image = block @ np.random.default_rng(0).standard_normal((columns.size, _FEW + 1))
     shapes, triangle, _ = la.qr(image, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
-    shapes = shapes[:, size > _EXACT * size[0]]
+    shapes = shapes[:, size > exact * size[0]]
     other = shapes.T @ block
-    if shapes.shape[1] > _FEW or np.abs(block - shapes @ other).max() > _EXACT * np.abs(block).max():
+    if shapes.shape[1] > _FEW or np.abs(block - shapes @ other).max() > exact * np.abs(block).max():
         return None
     return (rows, shapes), (columns, other.T)
 
 
 def _add_image(image: Vector, z: Vector, planar: sp.csr_matrix, right: Vector) -> None:
     """Add the sum over j of z[i, j] planar right[j] to image[i]."""
+    strips = 8  # across the plan, of such a one: those that are not neighbours have nothing in common
+    dense = 0.02  # share of entries above which a planar matrix is multiplied faster as a dense one
     columns = np.unique(planar.indices)
     if columns.size < right.shape[1]:
         planar, right = planar[:, columns], right[:, columns]
     moved = (z @ right.reshape(right.shape[0], -1)).reshape(-1, *right.shape[1:])
-    if planar.nnz <= _DENSE * planar.shape[0] * planar.shape[1]:
+    if planar.nnz <= dense * planar.shape[0] * planar.shape[1]:
         for i, slice_ in enumerate(moved):
             image[i] += planar @ slice_
         return
-    for strip in np.array_split(np.arange(planar.shape[0]), min(_STRIPS, planar.shape[0])):
+    for strip in np.array_split(np.arange(planar.shape[0]), min(strips, planar.shape[0])):
         own = planar[strip[0] : strip[-1] + 1]
         if own.nnz:
             first, last = own.indices.min(), own.indices.max() + 1

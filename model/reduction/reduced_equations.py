@@ -22,13 +22,11 @@ Vectors = NDArray[np.float64]
 
 _MOST = 1 / 10  # of the basis, that a range may span: with more, full matrices are as quick
 
-_FEWEST = 40  # directions that it may have in any case
 
 _RANK = 1e-11  # of the largest direction of a matrix, below which one is rounding
 
 _SAME = 1e-7  # part of a unit direction beside others, below which it is theirs
 
-_EXACT = 1e-11  # of a matrix's largest entry, to which it must be the same in its range
 
 _SPARE = (
     8  # random vectors beyond the most directions, which show that a range has no more (Halko et al. 2011)
@@ -98,13 +96,14 @@ def in_ranges(matrices: Iterable[Vectors]) -> list[Matrix]:
         Symmetric. Those that follow each other are the likeliest to share a range; no more of them than may share one
         are kept in full at a time.
     """
+    fewest = 40  # directions that it may have in any case
     found: list[Matrix] = []
     group = _Group(range=np.zeros((0, 0)), members={})
-    most, probe = _FEWEST, np.zeros((0, 0))
+    most, probe = fewest, np.zeros((0, 0))
     for i, matrix in enumerate(matrices):
         found.append(matrix)
         if i == 0:
-            most = max(int(_MOST * len(matrix)), _FEWEST)
+            most = max(int(_MOST * len(matrix)), fewest)
             probe = np.random.default_rng(0).standard_normal((len(matrix), most + _SPARE))
         image = matrix @ probe
         own = _orthonormal(image, _RANK * float(np.max(np.linalg.norm(image, axis=0), initial=0.0)))
@@ -138,10 +137,11 @@ class _Group:
 
     def put(self, found: list[Matrix]) -> list[Matrix]:
         """Return all matrices with those of the group in its range, where they are the same there."""
+        exact = 1e-11  # of a matrix's largest entry, to which it must be the same in its range
         for i, matrix in self.members.items():
             core = self.range.T @ matrix @ self.range
             ranged = InRange(range=self.range, core=(core + core.T) / 2.0)
-            if np.abs(full(ranged) - matrix).max() <= _EXACT * np.abs(matrix).max():
+            if np.abs(full(ranged) - matrix).max() <= exact * np.abs(matrix).max():
                 found[i] = ranged
         return found
 

@@ -107,7 +107,6 @@ def sobol(n: int, n_axis: int) -> NDArray[np.float64]:
 
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
 
-_LEFT_OUT = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
 
 _ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
 
@@ -417,11 +416,12 @@ def leading(
     theta : mapping of str to float
         Parameters at which the energy is that of the strained stack.
     """
+    left_out = 1e-6  # of a mode's energy: directions of the snapshots with less are left out
     shift = SOFT * shear_shift(assembly.stack, theta)
     image = assembly.apply(assembly.krons("K", theta), modes)
     image += shift * assembly.apply(assembly.krons("M", theta), modes)
     energy, principal = la.eigh(_symmetric(modes.T @ image))
-    keep = energy > _LEFT_OUT
+    keep = energy > left_out
     return np.asarray(modes @ (principal[:, keep] / np.sqrt(energy[keep])))
 
 

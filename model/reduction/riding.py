@@ -20,10 +20,6 @@ from model.reduction.reduced_equations import ReducedTerm, Vectors
 
 _STIFFNESS = 1e8
 """Stiffness k of the coordinates, N/m: any of the order of a seat's keeps the equations well scaled."""
-_HIGHEST = 200e3
-"""Frequency, Hz, at which a mass rides on a seat without compliance: infinite, were masses of 0 allowed."""
-_RANK = 1e-9
-"""Of the largest motion of a mass, below which another is rounding."""
 
 
 Part = Literal["own", "between"]
@@ -46,8 +42,10 @@ class RidingPart(Analytic):
 
     def function(self, theta: Theta, /) -> Any:
         """Return the mass, kg, real or complex."""
+        # Frequency, Hz, at which a mass rides on a seat without compliance: infinite, were masses of 0 allowed.
+        highest = 200e3
         mass, compliance = self.riding.mass, self.riding.compliance(theta)
-        least = 1.0 / (mass * (2.0 * math.pi * _HIGHEST) ** 2)
+        least = 1.0 / (mass * (2.0 * math.pi * highest) ** 2)
         if self.part == "own":
             return mass * _STIFFNESS * (compliance + least)
         return mass * compliance * np.sqrt(self.riding.share(theta) * _STIFFNESS / (compliance + least))
@@ -70,11 +68,12 @@ def riding_terms(assembly: Assembly, basis: Vectors) -> tuple[tuple[ReducedTerm,
     int
         The number m of motions on seats.
     """
+    rank = 1e-9  # of the largest motion of a mass, below which another is rounding
     riding = list[tuple[str, Riding, Vectors]]()
     for term in assembly.terms:
         if isinstance(term.factor, Riding):
             square, direction = la.eigh(basis.T @ assembly.apply(term.krons, basis))
-            kept = square > _RANK * square[-1]
+            kept = square > rank * square[-1]
             riding.append((term.name, term.factor, direction[:, kept] * np.sqrt(square[kept])))
     start = basis.shape[1]
     size = start + sum(motion.shape[1] for _, _, motion in riding)

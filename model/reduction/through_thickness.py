@@ -32,7 +32,6 @@ from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
 
-_LEFT_OUT = 1e-3  # size, relative to the first, of shapes that are left out
 
 _LINEAR = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -103,6 +102,7 @@ def leading_shapes(plan: Plan, samples: Mapping[Field, Vector]) -> ShapePlan:
     samples : mapping of field to (plan.size(field), n)
         Displacements over the plan.
     """
+    left_out = 1e-3  # size, relative to the first, of shapes that are left out
     shape = {}
     for field in FIELDS:
         mass = plan.form(field, field)
@@ -111,7 +111,7 @@ def leading_shapes(plan: Plan, samples: Mapping[Field, Vector]) -> ShapePlan:
         rest = samples[field] - first @ (mass_first.T @ samples[field])
         gram = rest.T @ (mass @ rest)
         size, vectors = la.eigh((gram + gram.T) / 2.0)
-        keep = size > _LEFT_OUT**2 * size[-1]
+        keep = size > left_out**2 * size[-1]
         shape[field] = np.hstack([first, rest @ (vectors[:, keep] / np.sqrt(size[keep]))])
     return ShapePlan(membrane=plan.membrane, plate=plan.plate, shape=shape)
 
@@ -155,10 +155,6 @@ _ROUGH = 1e-2  # relative change of the eigenvalues with polynomials in the last
 
 _ROUNDING = 1e-15  # energy that no function can win any more
 
-_MIRRORED = 1e-9  # relative difference up to which a stack counts as symmetric about mid-height
-
-_REGULAR = 1e-6  # keeps the norm of the mean slope definite against a sawtooth over the laminas
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ThroughThicknessBasis:
@@ -200,12 +196,13 @@ def shear_shift(stack: Stack, theta: Mapping[str, float]) -> float:
 
 def _is_symmetric(assembly: Assembly) -> bool:
     """Return whether the stack is its own mirror image about mid-height."""
+    mirrored = 1e-9  # relative difference up to which a stack counts as symmetric about mid-height
     sign = {"u": 1.0, "v": 1.0, "w": -1.0}
     for term in assembly.terms:
         for kron in term.krons:
             z = sp.csr_matrix(kron.z)
             turned = sign[kron.row] * sign[kron.column] * z[::-1, ::-1]
-            if abs(z - turned).max() > _MIRRORED * abs(z).max():
+            if abs(z - turned).max() > mirrored * abs(z).max():
                 return False
     return True
 
@@ -410,6 +407,7 @@ def _functions_and_energies(
     An error e(z) of a field costs energy in the laminas and in the interfaces; with the mean energy of the
     samples' planar shapes both become one norm over z.
     """
+    regular = 1e-6  # keeps the norm of the mean slope definite against a sawtooth over the laminas
     where, n, t = full.slices(), stack.n_lamina, stack.pitch
     fields = {f: samples[where[f]].reshape(n, -1, samples.shape[1]) for f in FIELDS}
     form = full.plan.form
@@ -433,7 +431,7 @@ def _functions_and_energies(
     stretch /= np.trace(membrane)
     slope = size(form("w", "w", ("x", "x")) + form("w", "w", ("y", "y")), "w") / np.trace(deflection)
     over_u = t * stretch * np.eye(n) + shear / t * d.T @ d
-    over_w = shear * t * slope * (a.T @ a + _REGULAR * np.eye(n)) + stack.contact.normal_modulus / t * d.T @ d
+    over_w = shear * t * slope * (a.T @ a + regular * np.eye(n)) + stack.contact.normal_modulus / t * d.T @ d
     u, u_energy = _principal_functions(membrane, over_u, rigid, symmetric=symmetric)
     w, w_energy = _principal_functions(deflection, over_w, rigid[:, :1], symmetric=symmetric)
     return {"u": u, "v": u, "w": w}, {"u": u_energy, "v": u_energy, "w": w_energy}

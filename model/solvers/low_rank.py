@@ -129,10 +129,6 @@ def factorize(columns: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 Vector = NDArray[np.float64]
 
-_RANK = 1e-11  # singular values below this share of the largest are rounding
-
-_AT_ONCE = 128  # right-hand sides: more of them take memory for copies, and no less time
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LowRank:
@@ -222,6 +218,7 @@ def _distinct(matrices: Iterable[Matrix]) -> list[Matrix]:
 
 def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:
     """Return an orthonormal basis of the columns of all matrices together, (n, rank)."""
+    rank = 1e-11  # singular values below this share of the largest are rounding
     matrices = [m for m in matrices if m.nnz]
     if not matrices:
         return np.zeros((n, 0))
@@ -229,7 +226,7 @@ def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:
     rows = np.unique(every.indices)
     columns = np.flatnonzero(np.diff(every.indptr))
     left, values, _ = la.svd(every[rows][:, columns].toarray(), full_matrices=False)
-    left = left[:, values > _RANK * values.max(initial=0.0)]
+    left = left[:, values > rank * values.max(initial=0.0)]
     basis = np.zeros((n, left.shape[1]))
     basis[rows] = left
     return basis
@@ -272,9 +269,10 @@ class Factor:
 
     def solve(self, b: Vector) -> Vector:
         """Return the solution for right-hand sides (n, k)."""
+        at_once = 128  # right-hand sides: more of them take memory for copies, and no less time
         x = np.empty_like(b)
-        for first in range(0, b.shape[1], _AT_ONCE):
-            some = slice(first, first + _AT_ONCE)
+        for first in range(0, b.shape[1], at_once):
+            some = slice(first, first + at_once)
             for part in self.parts:
                 x[part.rows, some] = part.solve(b[part.rows, some])
         return x

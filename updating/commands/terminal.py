@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 MOST_EXPLANATIONS = 8  # that a table prints
-_WIDEST = 10_000  # characters of a table in a file
 _CONTROL = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
 
 
@@ -43,7 +42,8 @@ class LiteralConsole(Console):
 
     def _needed(self, table: Table) -> int:
         """Return the width of a table in which no word of it is cut."""
-        wide, width = self.options.update(width=_WIDEST), 1
+        widest = 10_000  # characters of a table in a file
+        wide, width = self.options.update(width=widest), 1
         for column in table.columns:
             cells = [Measurement.get(self, wide, cell) for cell in (column.header, *column.cells)]
             words = max(cell.maximum if column.no_wrap else cell.minimum for cell in cells)

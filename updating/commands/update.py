@@ -40,8 +40,6 @@ from updating.results.ledger import write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
 from updating.workers.workers import workers
 
-_LEAST = 1e-6  # relative standard deviation of what is known exactly
-
 
 class CampaignSection(Section):
     """One campaign; `file` is relative to the file that names it.
@@ -124,6 +122,7 @@ class UpdateFile(Section):
 
     def settings(self, hold_out: Mapping[str, tuple[int, ...]]) -> FitSettings:
         """Return what is known of parameters beforehand, and the modes that are held out, counted from 0."""
+        least = 1e-6  # relative standard deviation of what is known exactly
         of = self.parameter
         usual, stated = DiagnosisScatter(), self.scatter
         return FitSettings(
@@ -138,7 +137,7 @@ class UpdateFile(Section):
             scatter=DiagnosisScatter(
                 frequency=stated.frequency,
                 damping=stated.damping,
-                stiffness=usual.stiffness if stated.pressure is None else max(stated.pressure, _LEAST),
+                stiffness=usual.stiffness if stated.pressure is None else max(stated.pressure, least),
             ),
         )
 

@@ -260,7 +260,6 @@ SCATTER = 0.01
 
 _FLOOR = 0.05  # of the mean strain energy of a region: below it a ratio to it says nothing
 
-_ROUNDING = 1e-15  # of the largest flexibility
 
 _OMEGA = "omega"  # the parameter of stiffness that depends on frequency, where there is such
 
@@ -507,12 +506,13 @@ def _solve(matrices: Matrices, omega: float, rows: Vector, shape: Vector) -> _Fi
     With A = K - omega**2 M the optimum has A e = L' m for multipliers m at the measured points, and u = A^-1 K e,
     so everything follows from the flexibility L A^-1 K A^-1 L' of those points.
     """
+    rounding = 1e-15  # of the largest flexibility
     stiffness = np.asarray(sum(matrix for kind, matrix in matrices.items() if kind != "mass"))
     dynamic = stiffness - omega**2 * matrices["mass"]
     answer = la.solve(dynamic, rows.T, assume_a="sym")
     flexibility = answer.T @ stiffness @ answer
     value, vector = la.eigh((flexibility + flexibility.T) / 2.0)
-    value = np.maximum(value, _ROUNDING * value[-1])
+    value = np.maximum(value, rounding * value[-1])
     part = vector.T @ shape
 
     def misfit(log_r: float) -> float:

@@ -89,9 +89,6 @@ def _span(node: NDArray[np.int64]) -> str:
     return "none" if node.size == 0 else f"{node.min()} to {node.max()}"
 
 
-_SINGULAR = 1e6  # condition number from which rounding and the model's own error rule the amplitudes
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"model measured": "amplitude amplitude_std", "any measured": "coordinate", "measured": "matched"})
 class Expansion:
@@ -232,10 +229,11 @@ def visible(shape: ArrayLike) -> NDArray[np.bool_]:
 
 def _pseudo_inverse(shape: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Return the pseudo-inverse of the visible shapes, 0 for others, and the condition of their directions."""
+    singular = 1e6  # condition number from which rounding and the model's own error rule the amplitudes
     seen = visible(shape)
     length = np.linalg.norm(shape[:, seen], axis=0)
     inverse = np.zeros((shape.shape[1], shape.shape[0]))
     inverse[seen] = la.pinv(shape[:, seen] / length) / length[:, None]
     value = la.svdvals(shape[:, seen] / length)
-    independent = length.size <= shape.shape[0] and value[-1] > value[0] / _SINGULAR
+    independent = length.size <= shape.shape[0] and value[-1] > value[0] / singular
     return inverse, float(value[0] / value[-1]) if independent else float("inf")

@@ -32,7 +32,6 @@ _FEWEST_MODES = 4
 _DOUBTFUL, _BETTER = 0.15, 0.25
 """Share of the shape at the force that the stated place leaves at least, and what of it another place leaves at most,
 for the force to be said to act there."""
-_NEAR = 0.02  # m, within which places are one
 _SCALE = 1.3
 """Factor from which the scale is wrong: calibration, density and the mass of clamps leave less."""
 _WRONG, _RIGHT = 0.2, 0.35
@@ -44,8 +43,6 @@ poor model lie as near that way round."""
 _GAINS = np.geomspace(1.0 / 40.0, 40.0, 19)
 """Factors that are tried on a sensor, and 1 among them; shapes are right within a quarter."""
 _FAR = 0.2  # of the logarithm of a frequency
-_GRAVITY = 9.81  # m/s**2
-_LARGEST = 2e8  # Pa, at which sheets of soft steel yield
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +71,9 @@ class ForcePlace:
     @property
     def misplaced(self) -> bool:
         """Whether another place fits clearly better."""
+        near = 0.02  # m, within which places are one
         apart = float(np.hypot(self.likely[0] - self.stated[0], self.likely[1] - self.stated[1]))
-        return self.left > _DOUBTFUL and self.left_likely < _BETTER * self.left and apart > _NEAR
+        return self.left > _DOUBTFUL and self.left_likely < _BETTER * self.left and apart > near
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,13 +207,15 @@ def check_rig(
 
 def _no_pressure(stack: Stack, pressure: float) -> str:
     """Say why a pressure, Pa, cannot be that of a bolted stack: less than its weight, or more than steel bears."""
-    weight = 0.5 * stack.material.density * _GRAVITY * stack.height
-    if stack.n_lamina == 1 or weight <= pressure <= _LARGEST:
+    largest = 2e8  # Pa, at which sheets of soft steel yield
+    gravity = 9.81  # m/s**2
+    weight = 0.5 * stack.material.density * gravity * stack.height
+    if stack.n_lamina == 1 or weight <= pressure <= largest:
         return ""
     bound = (
         f"less than the stack's own weight brings, {weight / 1e3:.2g} kPa"
         if pressure < weight
-        else f"more than sheets of steel bear, {_LARGEST / 1e3:.0f} kPa"
+        else f"more than sheets of steel bear, {largest / 1e3:.0f} kPa"
     )
     return f"the pressure between the laminas is stated as {pressure / 1e3:.3g} kPa, {bound}: check its unit"
 

@@ -180,8 +180,6 @@ Verdict = Literal["nothing missing", "identified", "one of", "partly explained",
 
 
 Telling = Literal["frequency", "damping"]
-_GAIN = 0.8
-"""Frequency error over that of the base model, above which frequencies hardly gain."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -252,7 +250,8 @@ class Ranked:
 
 def telling(base: Ranked, explanation: Ranked) -> Telling:
     """Return which errors tell what an explanation is worth: those of damping ratios, where frequencies hardly gain."""
-    if explanation.frequency_error <= _GAIN * base.frequency_error or not np.isfinite(
+    gain = 0.8  # frequency error over that of the base model, above which frequencies hardly gain
+    if explanation.frequency_error <= gain * base.frequency_error or not np.isfinite(
         explanation.damping_error
     ):
         return "frequency"

@@ -30,7 +30,6 @@ from updating.errors import FitError
 Vector = NDArray[np.float64]
 Campaigned = tuple[str, float, ModalModel]  # name, pressure in Pa, identified modes
 
-_MAC_USED = 0.6  # from which a measured mode counts as one that the model has
 _TRIALS = 17
 
 
@@ -193,6 +192,7 @@ def _far(
     equations: ReducedEquations, tested: Sequence[Tested], observed: Sequence[Observed], G_f: float
 ) -> tuple[float, list[int]]:
     """Return how far the measured modes are from the base model's in all, and how many of each it has."""
+    mac_used = 0.6  # from which a measured mode counts as one that the model has
     cost, used = 0.0, []
     for configuration, points in zip(tested, observed, strict=True):
         modes = _solved(equations, configuration, points, G_f)
@@ -202,5 +202,5 @@ def _far(
         alike = mac(configuration.modes.shape, modes.shape)[row, column]
         far = np.log(configuration.modes.frequency[row] / modes.frequency[column])
         cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))
-        used.append(int(np.count_nonzero(alike >= _MAC_USED)))
+        used.append(int(np.count_nonzero(alike >= mac_used)))
     return cost, used

@@ -36,7 +36,6 @@ from updating.inference.decide import decide
 from updating.inference.discrepancy import DAMPING, STIFFNESS, SizePrior
 from updating.inference.search import Search
 
-_COMPARED = 3  # explanations between which further tests are to tell
 SHARES = (0.9, 0.0, 0.1)
 """Shares of the discrepancy that all states of a stack, and all force levels of one state, have in common: what a model
 misses of a mode changes little with the torque."""
@@ -128,6 +127,7 @@ def conclude(
 
     `rig` is what was checked of force, scale and sensors of each configuration.
     """
+    compared = 3  # explanations between which further tests are to tell
     model, search, mixed_up = searched(candidates, evidence, asked)
     decision = decide(search)
     first = decision.left[0] if decision.left else search.base
@@ -137,7 +137,7 @@ def conclude(
         mixed_up=mixed_up,
         point_change=point_change(model, search, first) if decision.too_large else None,
         impossible=evidence.impossible,
-        next_tests=rank_tests(model, search, decision.left[:_COMPARED]),
+        next_tests=rank_tests(model, search, decision.left[:compared]),
         second_level=second_level(model, first),
         contact=contact_amplitudes(model, first),
         rig=rig,

@@ -25,8 +25,6 @@ DECAY = "window"
 D_F_START = 2e-11
 """Contact damping parameter, s, from which a search starts where the stack states none."""
 
-_UNKNOWN = 1e3  # relative standard deviation of what does not take part
-
 
 @dataclass(frozen=True, kw_only=True)
 class DiagnosisScatter:
@@ -111,7 +109,8 @@ class SomeModes:
 
 def some_of(modes: Identified, kept: NDArray[np.bool_], *, damping: bool) -> SomeModes:
     """Return the modes that are kept, (n_mode,) bool; without damping, their ratios are said to be unknown."""
-    std = modes.damping_std if damping else _UNKNOWN * modes.damping
+    unknown = 1e3  # relative standard deviation of what does not take part
+    std = modes.damping_std if damping else unknown * modes.damping
     return SomeModes(
         frequency=modes.frequency[kept],
         frequency_std=modes.frequency_std[kept],

@@ -22,7 +22,6 @@ from updating.errors import FitError
 from updating.fitting.fit import Fit, frequency_error, kept_estimate, opt_d, opt_G
 
 _CLAMP = re.compile(r"clamp_(\d+)_([xy])")
-_N_MODE = 22  # that are solved for pairing, rigid-body modes included
 
 
 def explained_stack(
@@ -96,11 +95,12 @@ def explained_model(
     EffectError, FitError, PairingError, SolveError
         The stack cannot have its effects, no mode pairs, or points of the measurement do not lie on it.
     """
+    n_mode = 22  # that are solved for pairing, rigid-body modes included
     registration = register(stack, measured.geometry, measured.node, measured.direction)
-    system, contact = reduce(stack, n_snapshot=1, n_mode=_N_MODE), stack.contact
+    system, contact = reduce(stack, n_snapshot=1, n_mode=n_mode), stack.contact
     observed = observe(system, registration.observation)
     modes = solve_modes(
-        system, G_f=contact.G_f, d_f=contact.d_f, n_mode=_N_MODE, observation=observed, by=()
+        system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observed, by=()
     ).elastic()
     modes = replace(modes, frequency=modes.frequency * finer_ratio(modes.frequency, modelled))
     pairing = pair(measured, modes, threshold=threshold)

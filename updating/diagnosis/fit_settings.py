@@ -65,10 +65,7 @@ CONTACT = ("G_f", "d_f")
 RATIOS = ("young", "density", "normal_modulus")
 """Parameters of every stack, as ratios to the values of its file."""
 _RATIO_BOUNDS = (0.5, 2.0)
-_OWN = 1.0
-"""Standard deviation of the logarithm of a contact parameter that each configuration has of its own: a factor of 3."""
 _FARTHEST = 8.0  # prior standard deviations that a parameter may move
-_PINNED = 1e-6  # standard deviation of what is fixed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -230,6 +227,9 @@ class FitSettings:
         stack : Stack
             What coordinates are relative to.
         """
+        # Standard deviation of the logarithm of a contact parameter that each configuration has of its own: a factor of
+        # 3.
+        own = 1.0
         if name not in (*CONTACT, *RATIOS):
             return coordinate
         if name in self.fixed:
@@ -240,7 +240,7 @@ class FitSettings:
             if level == "specimen" and scope == "all":
                 return _pinned(coordinate)
             if level == "configuration" and scope == "configuration":
-                return replace(coordinate, std=_OWN, step=0.1)
+                return replace(coordinate, std=own, step=0.1)
             return self._bounded(coordinate, name, stack) if level == "all" else coordinate
         wanted = scope or ("specimen" if name in CONTACT else "all")
         bearing = [shared_by for shared_by in SCOPES[: SCOPES.index(wanted) + 1] if shared_by in levels][-1]
@@ -329,7 +329,8 @@ def _of_base(given: Mapping[str, T]) -> dict[str, T]:
 
 def _pinned(coordinate: Coordinate) -> Coordinate:
     """Return a coordinate that stays where it is."""
-    return replace(coordinate, std=_PINNED, lower=0.0, upper=0.0, starts=(0.0,))
+    pinned = 1e-6  # standard deviation of what is fixed
+    return replace(coordinate, std=pinned, lower=0.0, upper=0.0, starts=(0.0,))
 
 
 def is_pinned(coordinate: Coordinate) -> bool:

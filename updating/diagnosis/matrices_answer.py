@@ -31,9 +31,6 @@ from updating.inference.search import begin
 
 Vector = NDArray[np.float64]
 
-_COMBINED = 4  # terms of a combination that are named, and combinations
-_LEAST_MAC = 0.8  # that makes a pair in what is shown of a diagnosis
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MatricesFit(ModelFit):
@@ -192,6 +189,7 @@ def _together(
     A term is told whose deviation fell below `told` of that of its prior. Combinations are the principal directions of
     what the data leave in units of the priors; those are listed whose deviation fell below `shows`.
     """
+    combined = 4  # terms of a combination that are named, and combinations
     names = [c.name for c in own.coordinates]
     stated = [i for i, n in enumerate(names) if n in {one.name for one in model.structure.factors}]
     untold = [names[i] for i in stated if own.std[i] > told * own.coordinates[i].std]
@@ -202,9 +200,9 @@ def _together(
     size, turn = la.eigh(std[:, None] * (jacobian[:, stated].T @ jacobian[:, stated]) * std)
     left = 1.0 / np.sqrt(1.0 + np.maximum(size, 0.0))
     parts = []
-    for k in np.flatnonzero(left < shows)[::-1][:_COMBINED]:
+    for k in np.flatnonzero(left < shows)[::-1][:combined]:
         share = turn[:, k] * np.sign(turn[np.argmax(np.abs(turn[:, k])), k])
-        large = [j for j in np.argsort(-np.abs(share))[:_COMBINED] if abs(share[j]) > 0.1]
+        large = [j for j in np.argsort(-np.abs(share))[:combined] if abs(share[j]) > 0.1]
         words = " ".join(
             f"{'+' if share[j] > 0 else '-'} {abs(share[j]):.2f} {names[stated[j]]}" for j in large
         )
@@ -240,6 +238,7 @@ def diagnose_matrices(
     PairingError
         Measured points do not lie on the structure, or are fewer than the modes.
     """
+    least_mac = 0.8  # that makes a pair in what is shown of a diagnosis
     for _, modes in tested:
         require_points(modes)
     scatter = scatter or DiagnosisScatter()
@@ -257,7 +256,7 @@ def diagnose_matrices(
     decision = decide(found)
     shown = (found.base, *decision.left[:1])
     models = {
-        own.name: tuple(_shown(model, x, c, _LEAST_MAC) for x in shown) for c, own in enumerate(model.tested)
+        own.name: tuple(_shown(model, x, c, least_mac) for x in shown) for c, own in enumerate(model.tested)
     }
     answer = replace(answer_of(model, found, decision, asked), mixed_up=mixed_up, models=models)
     return replace(answer, sentences=sentences(answer))

@@ -18,12 +18,8 @@ Parts = Mapping[Target, Vectors]
 
 DRIVE = "drive_point"
 """Group of the nodes where the force acts."""
-_MASS = 0.3
-"""Largest mass at a place, of the structure's: more is another structure."""
 _USUAL = 0.05
 """Usual strength of a mass or a spring, over its largest."""
-_NOTHING = 1e-5
-"""Stiffness that moves no frequency, over that which holds the structure's mass at the lowest measured one."""
 _SENSORS = 0.1  # largest mass of all sensors together, of the structure's
 
 
@@ -51,6 +47,7 @@ def candidates_of(
     lowest_Hz : float
         Lowest measured frequency: of springs those are usual that move it.
     """
+    mass = 0.3  # largest mass at a place, of the structure's: more is another structure
     every = structure.matrix("M", structure.theta)
     weight = [float(every[rows][:, rows].sum()) for rows in (structure.dof == i for i in (1, 2, 3))]
     total = max(weight)
@@ -68,7 +65,7 @@ def candidates_of(
             continue
         found[f"mass_at_{name}"] = Candidate(
             effect=_effect(
-                f"mass_at_{name}", f"a mass at {label}", "inertia", _mass(f"mass_at_{name}", _MASS * total)
+                f"mass_at_{name}", f"a mass at {label}", "inertia", _mass(f"mass_at_{name}", mass * total)
             ),
             parts=_acting("M", own, (0, 1, 2)),
         )
@@ -131,13 +128,15 @@ def _mass(name: str, largest: float) -> Parameter:
 
 def _spring(name: str, soft: float, stiff: float) -> Parameter:
     """Return the stiffness of a spring, whose order of magnitude nobody knows: from nothing to what holds a point."""
+    # Stiffness that moves no frequency, over that which holds the structure's mass at the lowest measured one.
+    nothing = 1e-5
     return Parameter(
         name=name,
         unit="N/m",
         nominal=_USUAL * soft,
-        lower=_NOTHING * soft,
+        lower=nothing * soft,
         upper=stiff,
-        neutral=_NOTHING * soft,
+        neutral=nothing * soft,
         scale="log",
         sampled=True,
         source="what holds the mass of the structure at the lowest and at the highest frequency",

@@ -41,12 +41,8 @@ Vector = NDArray[np.float64]
 
 WHOLE: dict[Target, str] = {"K": "stiffness", "M": "mass", "C": "damping"}
 """Nuisances: factors of what no term of the structure file has."""
-_LOSS = 1.0  # standard deviation of the logarithm of that of damping, which models rarely know
 _FARTHEST = 8.0  # prior standard deviations that a nuisance may move
 _STATED = 5.0  # times its standard deviation is that of what may be stated wrongly
-_BELOW = 0.3  # of the lowest measured frequency, below which a mode is motion of a rigid body
-_SPARE = 4  # modes whose equations are looked at beside as many as were measured
-_EXACT = 1e-4  # relative error of a frequency from which the structure is reduced anew
 _CLOSE = 0.02  # of each factor, within which the error is that of a point where it is known: it grows with the cube
 _MOST_BASES = 6
 
@@ -84,6 +80,8 @@ class MatricesModel:
         reduced: list[ReducedMatrices] | None = None,
         above: float = 1.2,
     ) -> None:
+        spare = 4  # modes whose equations are looked at beside as many as were measured
+        below = 0.3  # of the lowest measured frequency, below which a mode is motion of a rigid body
         self.scatter, self.tested = scatter, tuple(tested)
         every = [cast("ModalModel", own.modes) for own in tested]
         top = max(float(modes.frequency.max()) for modes in every)
@@ -96,7 +94,7 @@ class MatricesModel:
         self.damped = any(term.target == "C" for term in self.structure.terms)
         self.states = tuple(state_of(own, touching=self.damped) for own in self.tested)
         lowest = min(float(own.frequency.min()) for own in self.states)
-        self.rigid = (2.0 * np.pi * _BELOW * lowest) ** 2
+        self.rigid = (2.0 * np.pi * below * lowest) ** 2
         self.n_gain = n_gain([modes.sensor for modes in every])
         point = _every_way(self.structure, every[0])
         self.candidates = candidates_of(
@@ -116,7 +114,7 @@ class MatricesModel:
         most = max(own.frequency.size for own in self.states)
         rigid = int(np.count_nonzero(frequency < np.sqrt(self.rigid) / (2.0 * np.pi)))
         self.n_equation = min(
-            max(int(np.count_nonzero(frequency < above * top)), rigid + most + _SPARE), self.reduced.size
+            max(int(np.count_nonzero(frequency < above * top)), rigid + most + spare), self.reduced.size
         )
         self._parts: tuple[int, list[tuple[Target, str, Vector]]] = (0, [])
 
@@ -144,8 +142,9 @@ class MatricesModel:
     @property
     def nuisances(self) -> tuple[Coordinate, ...]:
         """Coordinates of the base model."""
+        loss = 1.0  # standard deviation of the logarithm of that of damping, which models rarely know
         s = self.scatter
-        known = {"stiffness": s.young, "mass": s.density, "damping": _LOSS}
+        known = {"stiffness": s.young, "mass": s.density, "damping": loss}
         stated = {one.name: one for one in self.structure.factors}
         found = []
         for name in self.factors:
@@ -260,9 +259,10 @@ class MatricesModel:
 
     def _holds(self, at: Mapping[str, float]) -> bool:
         """Tell whether the basis is exact enough at some factors, or hardly elsewhere, where that is known."""
+        exact = 1e-4  # relative error of a frequency from which the structure is reduced anew
         place = np.array([at.get(one.name, one.nominal) for one in self.structure.factors])
         if not any(np.all(np.abs(place - own) <= _CLOSE * np.abs(own)) for own in self._known_to_hold):
-            if self.reduced.error(at) > _EXACT:
+            if self.reduced.error(at) > exact:
                 return False
             self._known_to_hold.append(place)
         return True

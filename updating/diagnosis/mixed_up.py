@@ -27,11 +27,6 @@ Vector = NDArray[np.float64]
 
 MOST = 4
 """Most such errors that are corrected in one measurement."""
-_FREE = 8.0
-"""Fall of the misfit that a factor must reach beyond that of the other errors, because it is fitted: it is known to
-some per mille, and could be anything from a tenth to ten."""
-_LEAST = 0.03  # logarithm of a factor that is an error and no calibration
-_WIDEST = 20.0  # largest factor
 
 
 M = TypeVar("M", bound=Model)
@@ -159,6 +154,11 @@ def _tried(
 
     Last comes what the row of a single sensor is to be multiplied by.
     """
+    widest = 20.0  # largest factor
+    least = 0.03  # logarithm of a factor that is an error and no calibration
+    # Fall of the misfit that a factor must reach beyond that of the other errors, because it is fitted: it is known to
+    # some per mille, and could be anything from a tenth to ten.
+    free = 8.0
     shape = np.hstack([weighed[c].shape for c in where])  # (n_dof, n_shape)
     weight = np.concatenate([weighed[c].weight for c in where])
     n = len(shape)
@@ -166,9 +166,9 @@ def _tried(
     alone = np.einsum("rii->ir", weight)
     along, size = np.sum(shape * pull, axis=1), np.sum(shape**2 * alone, axis=1)
     turned = 4.0 * (along - size)
-    best = np.clip(1.0 - along / size, 1.0 / _WIDEST, _WIDEST)
-    scaled = -((best - 1.0) * 2.0 * along + (best - 1.0) ** 2 * size) - _FREE
-    scaled = np.where(np.abs(np.log(best)) > _LEAST, scaled, -np.inf)
+    best = np.clip(1.0 - along / size, 1.0 / widest, widest)
+    scaled = -((best - 1.0) * 2.0 * along + (best - 1.0) ** 2 * size) - free
+    scaled = np.where(np.abs(np.log(best)) > least, scaled, -np.inf)
     first, second = (np.array(indices) for indices in zip(*itertools.combinations(range(n), 2), strict=True))
     change = shape[second] - shape[first]
     between = weight[:, first, second].T

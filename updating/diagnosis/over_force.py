@@ -13,7 +13,6 @@ from updating.inference.explain import Explanation
 
 FORCE = 3.0
 """Force of the second level over that of the first."""
-_DRIFT = 2e-4  # of a frequency, by which tests on one day differ
 
 
 def second_level(model: StackModel, explanation: Explanation) -> float | None:
@@ -35,6 +34,7 @@ def second_level(model: StackModel, explanation: Explanation) -> float | None:
     float or None
         None where several levels are there, or no contact.
     """
+    drift = 2e-4  # of a frequency, by which tests on one day differ
     if not model.touching or any(tested.strain is not None for tested in model.tested):
         return None
     values = {p.name: p.nominal for p in EFFECT.parameters}
@@ -48,7 +48,7 @@ def second_level(model: StackModel, explanation: Explanation) -> float | None:
             slipped(EFFECT, values, np.full((held.size, N_SHARE), times * STRAIN), held).root
             for times in (1.0, FORCE)
         ]
-        noise = np.hypot(state.frequency_std / state.frequency, _DRIFT)
+        noise = np.hypot(state.frequency_std / state.frequency, drift)
         moved.append(np.log(root[1] / root[0]) / (np.sqrt(2.0) * noise))
     return float(np.linalg.norm(np.concatenate(moved)))
 

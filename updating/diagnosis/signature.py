@@ -24,7 +24,6 @@ CLASSES = {"T1": "torsion 1", "B1": "bending 1", "B2": "bending 2", "T2": "torsi
 
 _STEPS = 6  # from the base model to the stated strength, so that modes can be followed
 _N_MODE = 26
-_LEAST = 4  # modes shown where they have no names
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -136,10 +135,11 @@ def _at(
 
 def _chosen(stack: Stack, base: Modes) -> tuple[tuple[str, ...], NDArray[np.intp]]:
     """Return the named modes of a bar-like stack, or the lowest ones of another."""
+    least = 4  # modes shown where they have no names
     classes = shape_classes(base) if stack.outline is None else ()
     if all(name in classes for name in CLASSES.values()):
         return tuple(CLASSES), np.array([classes.index(name) for name in CLASSES.values()])
-    return tuple(f"mode {r + 1}" for r in range(_LEAST)), np.arange(_LEAST)
+    return tuple(f"mode {r + 1}" for r in range(least)), np.arange(least)
 
 
 def signature_figure(effect_signature: Signature) -> Figure:

@@ -20,7 +20,6 @@ Vector = NDArray[np.float64]
 
 N_SHARE = 16
 """Equal parts of the contact's energy, each at its own strain, that a mode is averaged over."""
-_LEAST = 0.05  # of a mode's stiffness, that stays however much slips
 _STEP = 1e-4  # of a parameter's range, of differences: the law is smooth and costs nothing
 
 
@@ -124,10 +123,11 @@ def slipped(effect: Effect, values: Mapping[str, float], strain: Vector, held: V
     held : (n,)
         Share of each mode's stiffness that the contact holds.
     """
+    least = 0.05  # of a mode's stiffness, that stays however much slips
 
     def at(**moved: float) -> tuple[Vector, Vector]:
         softening, loss = effect.over_strain({**values, **moved}, strain)  # type: ignore[misc]
-        left = np.maximum(1.0 - held * softening.mean(axis=1), _LEAST)
+        left = np.maximum(1.0 - held * softening.mean(axis=1), least)
         return np.sqrt(left), held * loss.mean(axis=1) / (2.0 * left)
 
     root, added = at()

@@ -16,7 +16,6 @@ from updating.inference.discrepancy import DAMPING, STIFFNESS
 from updating.inference.levels import FALLS, INADEQUATE, NAMED
 from updating.results.text import percent, quantity, together
 
-_FOLDED = 5  # names that are listed before a count stands for the rest
 _LISTED = 3  # explanations that are listed in a sentence
 _MOST = 0.5  # share of the misfit from which it is most of it
 _ERRORS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
@@ -435,6 +434,7 @@ def _next(diagnosis: Diagnosis) -> list[str]:
 
 def _folded(effects: Sequence[str]) -> str:
     """Return how many effects there are, and the first few by their keys."""
-    more = len(effects) - _FOLDED
-    shown = ", ".join(effects[:_FOLDED])
+    folded = 5  # names that are listed before a count stands for the rest
+    more = len(effects) - folded
+    shown = ", ".join(effects[:folded])
     return f"{len(effects)} effect{'s' if len(effects) > 1 else ''} ({shown}{f' and {more} more' if more > 0 else ''})"

@@ -22,8 +22,6 @@ Vector = NDArray[np.float64]
 
 FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01
 """Relative standard deviations where a table states none; of a shape's components, over their root mean square."""
-_UNKNOWN = 1e3
-"""The same of what was not measured."""
 _DAMPING = 1e-2
 """Damping ratio that stands where none was measured."""
 _DIRECTION = ("x", "y", "z")
@@ -214,6 +212,7 @@ def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -
 
 def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
     """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones if unstated."""
+    unknown = 1e3  # the same of what was not measured
     frequency = _numbers(path, table, "frequency_Hz")
     if np.any(frequency <= 0.0):
         raise FitError(f"{path}: frequency_Hz must be above 0, found {frequency.min():g}")
@@ -234,7 +233,7 @@ def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
         if "damping_std" in table and not any(blank)
         else DAMPING_STD * damping
     )
-    return np.stack([frequency, frequency_std, damping, np.where(blank, _UNKNOWN * damping, damping_std)])
+    return np.stack([frequency, frequency_std, damping, np.where(blank, unknown * damping, damping_std)])
 
 
 def _columns(path: Path) -> dict[str, list[str]]:

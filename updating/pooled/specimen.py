@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 UNTREATED = ("", "none", "no", "-")
 """Notes that say that there is nothing: no group."""
-_FEWEST = 2  # specimens that make a group
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,16 +68,17 @@ def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
     Specimens of one note in one column are a group, if they are two or more and not all; of groups with the same
     members the first one counts.
     """
+    fewest = 2  # specimens that make a group
     all_members = tuple(range(len(specimens)))
     levels = [Level(kind="rig", of="", members=all_members)]
-    if len(specimens) < _FEWEST:
+    if len(specimens) < fewest:
         return tuple(levels)
     known = {all_members}
     for column in dict.fromkeys(name for specimen in specimens for name in specimen.notes):
         values = [specimen.notes.get(column, "") for specimen in specimens]
         for value, count in Counter(values).items():
             members = tuple(i for i in all_members if values[i] == value)
-            if count >= _FEWEST and value not in UNTREATED and members not in known:
+            if count >= fewest and value not in UNTREATED and members not in known:
                 known.add(members)
                 levels.append(Level(kind="group", of=f"{column} = {value}", members=members))
     levels += [Level(kind="specimen", of=specimen.name, members=(i,)) for i, specimen in enumerate(specimens)]

@@ -21,7 +21,6 @@ Vector = NDArray[np.float64]
 
 HEIGHT = "height"
 _WIDE = 0.3  # of ln G_f from specimen to specimen, from which a basis is made at the ends, too
-_GRID = (9, 4, 5)  # points of a stack's box at which modes of different stacks are compared
 
 
 class SpecimensModel:
@@ -163,10 +162,11 @@ class SpecimensModel:
 
     def rows_of(self, g: int) -> Vector:
         """Return displacements at the same points of each stack's box, (n, n_basis): where modes are compared."""
+        grid = (9, 4, 5)  # points of a stack's box at which modes of different stacks are compared
         if g not in self._rows:
             stack = self.groups[g].model.stack
             sides = (stack.length, stack.width, stack.height)
-            axes = [np.linspace(-0.5, 0.5, n) * side for n, side in zip(_GRID, sides, strict=True)]
+            axes = [np.linspace(-0.5, 0.5, n) * side for n, side in zip(grid, sides, strict=True)]
             location = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
             n = len(location)
             points = Observation(

@@ -277,9 +277,6 @@ def _places(results: Results, configurations: Sequence[Section]) -> list[Picture
     return [maps[name] for fit in order if (name := f"error_map_{fit.name}") in maps][:_MAPS]
 
 
-_SHOWN = 8  # explanations of a diagnosis
-
-
 def answer_section(results: Results) -> Section:
     """Say in full what was identified, how sure that is and what was tried, or how far the model is from the data."""
     if results.diagnosis is not None:
@@ -372,7 +369,8 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
 
 def explanation_table(results: Results) -> Table:
     """List the explanations that a diagnosis fitted in full, the most probable first."""
-    ranking = results.diagnosis.shown(_SHOWN) if results.diagnosis is not None else ()
+    shown = 8  # explanations of a diagnosis
+    ranking = results.diagnosis.shown(shown) if results.diagnosis is not None else ()
     labels = {} if results.diagnosis is None else results.diagnosis.labels
     return Table(
         title="Explanations that were tried",

@@ -36,8 +36,6 @@ _SHORT = 4  # characters of such a number
 
 _BESIDE = 60  # characters of all names that need not be turned
 
-_ROOM = 1.05  # above the largest value of an axis that begins at 0
-
 
 @dataclass(frozen=True, kw_only=True)
 class Chart:
@@ -265,6 +263,7 @@ def _set_axis(
     axes: Axes, key: Literal["x", "y"], stated: Mapping[str, Any], places: Mapping[object, int]
 ) -> None:
     """Set title, scale, range and names of an axis."""
+    room = 1.05  # above the largest value of an axis that begins at 0
     title = stated.get("title", {}).get("text", "")
     axes.set(**{f"{key}label": re.sub(r"\b(\w+)_(\w)\b", r"$\1_\2$", title)})
     axis = axes.xaxis if key == "x" else axes.yaxis
@@ -275,7 +274,7 @@ def _set_axis(
     if "range" in stated:
         axes.set(**{f"{key}lim": stated["range"]})
     elif stated.get("rangemode") == "tozero":
-        axes.set(**{f"{key}lim": (0.0, _ROOM * axis.get_view_interval()[1])})
+        axes.set(**{f"{key}lim": (0.0, room * axis.get_view_interval()[1])})
     if stated.get("zeroline"):
         axes.axhline(0.0, color=palette.INK, linewidth=0.8)
     if stated.get("autorange") == "reversed":

@@ -137,8 +137,6 @@ _TOP = 1.4  # in, below the title
 
 _SHAPES = 3  # pictures of shapes over each other
 
-_BESIDE = 2  # pictures beside each other
-
 
 def write_slides(results: Results) -> Path:
     """Write `report.pptx` beside the page and return its path.
@@ -175,11 +173,12 @@ def write_slides(results: Results) -> Path:
 
 def _places(show: Any, tested: Sequence[Tested]) -> None:
     """Put the pictures of where the base model fails beside each other."""
+    beside = 2  # pictures beside each other
     parts = [(t.name, part) for t in tested if (part := _location(t)) is not None]
-    for start in range(0, len(parts), _BESIDE):
+    for start in range(0, len(parts), beside):
         slide = _slide(show, "Where the base model fails")
-        width = (_WIDE - 2 * _EDGE) / min(_BESIDE, len(parts))
-        for k, (name, picture) in enumerate(parts[start : start + _BESIDE]):
+        width = (_WIDE - 2 * _EDGE) / min(beside, len(parts))
+        for k, (name, picture) in enumerate(parts[start : start + beside]):
             place = _EDGE + k * width
             _text(slide, name, _TOP, 14, left=place, width=width)
             _picture(slide, picture.content, _TOP + 0.5, _HIGH - _TOP - 1.0, left=place, width=width - 0.2)
@@ -299,7 +298,6 @@ def _table(slide: Any, table: Table, rows: Sequence[Sequence[str]]) -> None:
 
 _STEPS = 16  # pictures of one period
 
-_PAUSE = 60  # ms between them
 
 _DPI = 140
 
@@ -323,6 +321,7 @@ def write_gifs(results: Results) -> tuple[Path, ...]:
 
 def shape_gif(pair: ShapePair) -> bytes:
     """Draw one period of a shape as a GIF that goes round for ever."""
+    pause = 60  # ms between them
     from PIL import Image
 
     pictures = []
@@ -337,7 +336,7 @@ def shape_gif(pair: ShapePair) -> bytes:
         pictures.append(Image.open(drawn).convert("RGB").quantize(N_COLOUR, dither=Image.Dither.NONE))
     out = io.BytesIO()
     pictures[0].save(
-        out, format="gif", save_all=True, append_images=pictures[1:], duration=_PAUSE, loop=0, disposal=1
+        out, format="gif", save_all=True, append_images=pictures[1:], duration=pause, loop=0, disposal=1
     )
     return out.getvalue()
 

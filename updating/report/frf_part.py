@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_MOST_NUMBERS = 150_000
-"""Functions times lines of a chart, about 1.5 MB of a page; of more, every second, third ... line is shown."""
-
 BASE, FOUND, FITTED_MODEL = "base model", "with what was identified", "fitted model"
 """Names of models' curves: of two, and of one alone."""
 
@@ -64,7 +61,9 @@ def frf_chart(
     order : sequence of int
         Outputs in the order of the list to choose from.
     """
-    stride = -(-len(order) * lines.frequency.size // _MOST_NUMBERS)
+    # Functions times lines of a chart, about 1.5 MB of a page; of more, every second, third ... line is shown.
+    most_numbers = 150_000
+    stride = -(-len(order) * lines.frequency.size // most_numbers)
     at = slice(None, None, stride)
     frequency = lines.frequency[at]
     functions = [

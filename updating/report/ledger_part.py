@@ -33,7 +33,6 @@ _WIDE = 16  # characters of a model's name beside its bars
 
 _LINE = 20  # px of each of its lines
 
-_GAP = 0.14  # of the height of a chart, between two axes for the title of the upper one
 
 _SHADES = (palette.USED, palette.LEFT_OUT, palette.ELSEWHERE)
 
@@ -108,6 +107,7 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
 
 def ledger_chart(entries: Sequence[Entry]) -> Chart:
     """Return the errors of each model as bars, those of damping ratios below those of frequencies."""
+    gap = 0.14  # of the height of a chart, between two axes for the title of the upper one
     kinds = _kinds(entries)
     names = [_short_name(entry) for entry in entries]
     entry_height = max(70, _LINE * max(name.count("<br>") + 1 for name in names))
@@ -130,7 +130,7 @@ def ledger_chart(entries: Sequence[Entry]) -> Chart:
         layout[f"xaxis{place}"] = axis(
             f"mean {kind} error [%]", anchor=f"y{place}", range=[0.0, 1.2 * widest]
         )
-        domain = [low + (_GAP if row < len(kinds) else 0.0), high]
+        domain = [low + (gap if row < len(kinds) else 0.0), high]
         layout[f"yaxis{place}"] = {
             "autorange": "reversed", "automargin": True, "domain": domain, "anchor": f"x{place}", "showgrid": False,
         }  # fmt: skip
@@ -314,10 +314,6 @@ def _law(fitted: Sequence[Tested]) -> tuple[str, ...]:
     )
 
 
-_TOGETHER = 24
-"""Modes of one figure whose names can still be read."""
-
-
 _MARKS = (
     (palette.SERIES[0], "circle", 12), (palette.SERIES[1], "square", 9), (palette.SERIES[2], "triangle-up", 8),
     (palette.INK, "diamond", 6),
@@ -442,12 +438,13 @@ def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:
 
 def _groups(errors: Sequence[ModeError]) -> list[list[int]]:
     """Return the numbers of the modes of each picture: whole configurations, no more than can be read."""
+    together = 24  # modes of one figure whose names can still be read
     by_configuration: dict[str, list[int]] = {}
     for k, error in enumerate(errors):
         by_configuration.setdefault(error.configuration, []).append(k)
     groups: list[list[int]] = []
     for modes in by_configuration.values():
-        if not groups or len(groups[-1]) + len(modes) > _TOGETHER:
+        if not groups or len(groups[-1]) + len(modes) > together:
             groups.append([])
         groups[-1] += modes
     return groups

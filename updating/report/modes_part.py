@@ -42,8 +42,6 @@ from updating.report.part import (
 from updating.report.results import Tested
 from updating.results.text import Z95, parameter_text, uncertain
 
-_SHADES = 128  # of the scale of MAC
-
 _ADDED, _WITH_ADDED = "with what was identified [%]", " With what was identified:"
 
 
@@ -288,6 +286,7 @@ def mac_picture(
     caption: str,
 ) -> Picture:
     """Draw a MAC matrix with the frequencies (Hz) of its rows and columns, and whose these are."""
+    shades = 128  # of the scale of MAC
     (rows, columns), (down, across) = frequency, whose
     return charted(
         name,
@@ -298,7 +297,7 @@ def mac_picture(
         width="half",
         size=(1.6 + 0.5 * columns.size, 1.2 + 0.5 * rows.size),
         form="png",
-        n_colour=_SHADES,
+        n_colour=shades,
     )
 
 

@@ -26,7 +26,6 @@ _DPI = 125
 
 _NUMBER = re.compile(r"\(?[-+]?\d[^A-DF-Za-df-z]*$")
 
-_LONG = 30  # characters of a cell
 
 N_COLOUR = 32  # of an embedded picture: line drawings need no more, and it is a fifth of the size
 
@@ -258,8 +257,9 @@ def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list
 
 
 def _column_class(cells: Iterable[str]) -> str:
+    long = 30  # characters of a cell
     texts = [cell for cell in cells if cell and not _NUMBER.match(cell)]
-    return "" if not texts else "long" if max(map(len, texts)) > _LONG else "text"
+    return "" if not texts else "long" if max(map(len, texts)) > long else "text"
 
 
 def anchor(title: str) -> str:

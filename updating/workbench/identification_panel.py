@@ -35,8 +35,6 @@ from updating.results.store import write_bytes
 from updating.results.text import Z95
 from updating.workbench.opened import Opened, empty, figure, moving_page, moving_shapes, plot
 
-_SAME = 2e-3  # relative distance of frequencies within which a click is on a pole that is taken already
-
 
 def diagram_chart(tested: Tested, lines: FRF, order: int) -> Chart:
     """Draw the stabilisation chart of a band."""
@@ -61,7 +59,8 @@ def pole_of(hertz: float, percent: float) -> complex:
 
 
 def _near(pole: NDArray[np.complex128], new: complex) -> NDArray[np.bool_]:
-    return np.abs(np.abs(pole) / abs(new) - 1.0) < _SAME
+    same = 2e-3  # relative distance of frequencies within which a click is on a pole that is taken already
+    return np.abs(np.abs(pole) / abs(new) - 1.0) < same
 
 
 def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple[Chart, Chart]:

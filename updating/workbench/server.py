@@ -22,12 +22,11 @@ from updating.workbench.opened import Opened
 
 HOST = "127.0.0.1"
 
-_BYTES = 24  # of chance in a token
-
 
 def new_token() -> str:
     """Return a token that nobody can guess."""
-    return secrets.token_urlsafe(_BYTES)
+    n_byte = 24  # of chance
+    return secrets.token_urlsafe(n_byte)
 
 
 def address(token: str, port: int) -> str:

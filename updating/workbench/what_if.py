@@ -50,9 +50,6 @@ from updating.results.text import quantity
 STEPS = 1000  # of a slider
 
 
-_PRESSURES = (0.25, 4.0)  # of the stated one, over which it can be tried
-
-
 @dataclass(frozen=True, kw_only=True)
 class Knob:
     """A parameter that can be moved.
@@ -280,8 +277,9 @@ def explained_values(stack: Stack) -> dict[str, float]:
 
 def knobs(stack: Stack, G_f: float, d_f: float) -> tuple[Knob, ...]:
     """Return the sliders: contact stiffness and damping, pressure, and the parameters of the effects."""
+    pressures = (0.25, 4.0)  # of the stated one, over which it can be tried
     contact = stack.contact
-    low, high = (k * contact.pressure for k in _PRESSURES)
+    low, high = (k * contact.pressure for k in pressures)
     first = [
         Knob(name="G_f", unit="Pa/Pa", lower=G_F_BOUNDS[0], upper=G_F_BOUNDS[1], start=G_f, logarithmic=True),
         Knob(
