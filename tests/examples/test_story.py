@@ -20,13 +20,13 @@ ROOT = Path(__file__).parents[2]
 TRUTH = json.loads((ROOT / "data/demo_diagnosis/truth.json").read_text(encoding="utf-8"))
 
 
-RIVALS = ("lost_contact_ends", "pressure_along", "pressure_exponent", "contact_loss", "clamp_inertia")
-"""Effects that may do to modes what less pressure in the middle does: of the contact and of its pressure, of clamps."""
+RIVALS = ("pressure_along", "clamp_inertia")
+"""Effects that may do to modes what less pressure in the middle does: of the pressure, and of clamps."""
 
 
 @pytest.fixture(scope="module", params=["rivals", pytest.param("catalogue", marks=pytest.mark.slow)])
 def told(request, tables_alone, tmp_path_factory):
-    """What `lamella demo` prints, and its folder: with few effects, or in twice the time with the whole catalogue."""
+    """What `lamella demo` prints, and its folder: with few effects, or in more time with the whole catalogue."""
     folder, whole = tmp_path_factory.mktemp("story"), catalogue()
     with pytest.MonkeyPatch.context() as patch:
         if request.param == "rivals":

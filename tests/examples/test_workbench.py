@@ -281,11 +281,18 @@ def test_sliders_move_the_model(page, folder):
     page.wait_for_function(f"({told} ?? '').endsWith('Pa/Pa')")  # not a step from 0 to 1000
 
 
-def test_who_cannot_see_or_point_uses_every_panel_too(page):
-    page.emulate_media(
-        reduced_motion="reduce"
-    )  # shapes that stand still leave the processor to what is asked
-    for panel in ("Measurement", "Identification", "Comparison", "What if", "Diagnosis", "Report"):
+@pytest.mark.parametrize(
+    "panels",
+    [
+        ("Measurement", "What if"),
+        pytest.param(("Identification", "Comparison", "Diagnosis", "Report"), marks=pytest.mark.slow),
+    ],
+    ids=["two", "others"],
+)
+def test_who_cannot_see_or_point_uses_every_panel_too(page, panels):
+    # shapes that stand still leave the processor to what is asked
+    page.emulate_media(reduced_motion="reduce")
+    for panel in panels:
         enter(page, panel)
         settled(page)  # names and sizes of what came in
         assert unreached(page, ".v-window-item--active") == [], panel

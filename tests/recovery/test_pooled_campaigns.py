@@ -8,7 +8,7 @@ import pytest
 import model
 from updating.diagnosis.cached_model import cached_model
 from updating.pooled.campaign_file import read_specimens, specimens_of
-from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
+from updating.pooled.diagnosis import diagnose_specimens
 
 DATA = Path(__file__).parents[2] / "data" / "hidden_effect"
 MEANT = {
@@ -42,7 +42,9 @@ def test_an_effect_that_is_asked_for_is_fitted_to_all_specimens():
     """Half a kilogram was planted under each clamp of the rig; one specimen is glued besides."""
     campaign = read_specimens(DATA / "pooled_a" / "campaign.toml")
     specimens = specimens_of(campaign, lambda own: None)
-    found = fit_specimens(campaign.name, specimens, {"clamp_mass": model.catalogue()["clamp_mass"]})
+    found = diagnose_specimens(
+        campaign.name, specimens, {"clamp_mass": model.catalogue()["clamp_mass"]}, asked=True
+    )
     assert found.verdict == "as asked"
     (own,) = found.best.parts
     (mass,) = own.parameter

@@ -156,6 +156,7 @@ def test_two_stacks_share_an_effect_and_have_contact_of_their_own():
     assert found.ledger[-1].configuration_error < 0.5 * found.ledger[0].configuration_error
 
 
+@pytest.mark.slow
 def test_an_effect_can_be_each_stacks_own():
     heavy, plain = specimen("S", mass=MASS), specimen("T", mass=0.0)
     found = fitted([heavy, plain], ["clamp_mass"], scope={"clamp_added_mass": "specimen"}, fixed={})
@@ -201,6 +202,7 @@ def test_each_configuration_can_have_its_own_contact(one):
     assert not found.ledger[-1].strained
 
 
+@pytest.mark.slow
 def test_young_and_density_that_are_free_are_told_apart_by_nothing(linear):
     """Young's modulus, density and G_f scale together: frequencies tell two of the three."""
     free = fitted([linear], ["clamp_mass"], free=("young", "density"), damping=False)

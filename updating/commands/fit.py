@@ -65,9 +65,12 @@ def fit_command(
     if identify_anew:
         forget_choices(output)
     if has_specimens(campaign):
-        from updating.commands.specimens import fit_pooled, print_pooled
+        from updating.commands.specimens import diagnose_pooled, print_pooled
 
-        print_pooled(fit_pooled(campaign, output, effect, effect_file, OUT, cluster=cluster), output, OUT)
+        pooled = diagnose_pooled(
+            campaign, output, effect_file, OUT, fitted=effect, scatter_file=scatter, cluster=cluster
+        )
+        print_pooled(pooled, output, OUT)
         return
     fits, done, failed = [], list[Identified](), []
     for outcome in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):

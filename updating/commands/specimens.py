@@ -13,9 +13,8 @@ from updating.commands.terminal import MOST_EXPLANATIONS, print_lines, print_res
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.evidence import read_scatter
-from updating.pooled.campaign_file import SpecimenCampaign, read_specimens, specimens_of
-from updating.pooled.diagnosis import diagnose_specimens, fit_specimens
-from updating.pooled.specimen import Specimen
+from updating.pooled.campaign_file import read_specimens, specimens_of
+from updating.pooled.diagnosis import diagnose_specimens
 from updating.results.identified import assignments, every_identified
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanation_text, specimen_row
 from updating.results.store import kept
@@ -29,66 +28,55 @@ def diagnose_pooled(
     effect_files: Sequence[Path],
     console: Console,
     *,
+    fitted: Sequence[str] | None = None,
     scatter_file: Path | None = None,
     cluster: str | None = None,
 ) -> PooledDiagnosis:
-    """Diagnose all specimens of a campaign together, and write pooled_diagnosis.json.
+    """Diagnose all specimens of a campaign together, or fit effects of the rig to them, and write the answer.
 
-    What an earlier run left is read back.
+    What an earlier run left in pooled_diagnosis.json, or in pooled_fit.json, is read back.
+
+    Parameters
+    ----------
+    campaign_file, output : Path
+        The campaign and the folder for its results.
+    effect_files : sequence of Path
+        Files with effects of the user.
+    console : Console
+        Where progress is shown.
+    fitted : sequence of str, optional
+        Effects to fit; without them, all are asked about.
+    scatter_file : Path, optional
+        What a laboratory knows of what separates a right model from a right measurement.
+    cluster : str, optional
+        Address of a Dask scheduler.
     """
-    known = catalogue(effect_files)
+    known, asked = catalogue(effect_files), fitted is not None
+    effects = known if fitted is None else {effect.name: effect for effect in find_effects(fitted, known)}
     scatter = None if scatter_file is None else read_scatter(scatter_file)
-    campaign, specimens, inputs = _specimens(campaign_file, output, console, cluster)
+    campaign = read_specimens(campaign_file)
+    assigned = () if campaign.measured is None else assignments(campaign.measured, output)
+    tests = every_identified(assigned, "identify", console, cluster) if assigned else ()
+    by_name = {test.configuration.name: test.modal_model for test in tests}
+    specimens = specimens_of(campaign, by_name.__getitem__)
 
     def make() -> PooledDiagnosis:
-        with workers(MESSAGES, cluster) as executor, progress("diagnose", console):
+        with workers(MESSAGES, cluster) as executor, progress("fit" if asked else "diagnose", console):
             return diagnose_specimens(
-                campaign.name, specimens, known, scatter=scatter, executor=executor, reduced=cached_model
+                campaign.name,
+                specimens,
+                effects,
+                asked=asked,
+                scatter=scatter,
+                executor=executor,
+                reduced=cached_model,
             )
 
     stated = () if scatter_file is None else (scatter_file,)
-    inputs = (*inputs, *effect_files, *stated)
-    return kept(output / "pooled_diagnosis.json", PooledDiagnosis, make, inputs=inputs, options={})
-
-
-def fit_pooled(
-    campaign_file: Path,
-    output: Path,
-    effects: Sequence[str],
-    effect_files: Sequence[Path],
-    console: Console,
-    *,
-    cluster: str | None = None,
-) -> PooledDiagnosis:
-    """Fit effects of the rig to all specimens of a campaign together, and write pooled_fit.json.
-
-    What an earlier run left is read back.
-    """
-    known = {effect.name: effect for effect in find_effects(effects, catalogue(effect_files))}
-    campaign, specimens, inputs = _specimens(campaign_file, output, console, cluster)
-
-    def make() -> PooledDiagnosis:
-        with workers(MESSAGES, cluster) as executor, progress("fit", console):
-            return fit_specimens(campaign.name, specimens, known, executor=executor, reduced=cached_model)
-
-    inputs, options = (*inputs, *effect_files), {"effects": list(known)}
-    return kept(output / "pooled_fit.json", PooledDiagnosis, make, inputs=inputs, options=options)
-
-
-def _specimens(
-    campaign_file: Path, output: Path, console: Console, cluster: str | None
-) -> tuple[SpecimenCampaign, tuple[Specimen, ...], tuple[Path, ...]]:
-    """Return a campaign, its specimens with the modes of all their configurations, and the files they come from."""
-    campaign = read_specimens(campaign_file)
-    measured = campaign.measured
-    tests = (
-        ()
-        if measured is None
-        else every_identified(assignments(measured, output), "identify", console, cluster)
-    )
-    by_name = {test.configuration.name: test.modal_model for test in tests}
-    modal = (test.folder / "modal_model.json" for test in tests)
-    return campaign, specimens_of(campaign, by_name.__getitem__), (*campaign.inputs, *modal)
+    inputs = (*campaign.inputs, *(test.folder / "modal_model.json" for test in tests), *effect_files, *stated)
+    path = output / ("pooled_fit.json" if asked else "pooled_diagnosis.json")
+    options = {"effects": list(effects)} if asked else {}
+    return kept(path, PooledDiagnosis, make, inputs=inputs, options=options)
 
 
 def print_pooled(diagnosis: PooledDiagnosis, output: Path, console: Console) -> None:

@@ -48,6 +48,7 @@ def diagnose_specimens(
     specimens: Sequence[Specimen],
     effects: Mapping[str, Effect],
     *,
+    asked: bool = False,
     scatter: DiagnosisScatter | None = None,
     executor: Executor | None = None,
     reduced: Callable[..., CandidateModel] = candidate_model,
@@ -65,7 +66,9 @@ def diagnose_specimens(
     specimens : sequence of Specimen
         At least two, on one rig.
     effects : mapping of str to Effect
-        The catalogue.
+        The catalogue, or those that the rig is to have.
+    asked : bool, default False
+        Whether the rig has all of these effects; else they are searched for.
     scatter : DiagnosisScatter, optional
         What a laboratory knows of what separates a right model from a right measurement.
     executor : Executor, optional
@@ -76,51 +79,20 @@ def diagnose_specimens(
     Raises
     ------
     FitError
-        There are fewer than two specimens, or no measured mode of one resembles one of its model.
+        There are fewer than two specimens, no measured mode of one resembles one of its model, or an effect that is
+        asked for cannot be.
     PairingError
         Measured points do not lie on a stack, or are fewer than the modes.
     """
     model, impossible = specimens_model(
         specimens, effects, scatter=scatter, executor=executor, reduced=reduced
     )
-    base_fit = begin(model, priors_of(scatter or DiagnosisScatter()))
-    return concluded(name, searched(base_fit), impossible)
-
-
-@single_threaded
-def fit_specimens(
-    name: str,
-    specimens: Sequence[Specimen],
-    effects: Mapping[str, Effect],
-    *,
-    executor: Executor | None = None,
-    reduced: Callable[..., CandidateModel] = candidate_model,
-) -> PooledDiagnosis:
-    """Fit effects of the rig to all its specimens, each with its contact parameters, as a diagnosis does it.
-
-    Parameters
-    ----------
-    name : str
-        The campaign.
-    specimens : sequence of Specimen
-        At least two, on one rig.
-    effects : mapping of str to Effect
-        Those that the rig is to have; none fits the base model.
-    executor, reduced
-        As in `diagnose_specimens`.
-
-    Raises
-    ------
-    FitError
-        There are fewer than two specimens, no measured mode of one resembles one of its model, an effect cannot be, or
-        the model has no modes with all of them.
-    PairingError
-        Measured points do not lie on a stack, or are fewer than the modes.
-    """
-    model, impossible = specimens_model(specimens, effects, executor=executor, reduced=reduced)
-    if impossible:
+    if asked and impossible:
         raise FitError("; ".join(impossible.values()))
-    return concluded(name, fit_terms(begin(model), tuple(effects)), impossible, "as asked")
+    base_fit = begin(model, priors_of(scatter or DiagnosisScatter()))
+    if asked:
+        return concluded(name, fit_terms(base_fit, tuple(effects)), impossible, "as asked")
+    return concluded(name, searched(base_fit), impossible)
 
 
 def specimens_model(

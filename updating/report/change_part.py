@@ -14,7 +14,7 @@ from ema.plot import palette
 from ema.types.modal_model import frequency_text
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, Telling, telling
-from updating.report.chart import Chart, axis, charted, legend_above, single
+from updating.report.chart import Chart, axis, charted, single
 from updating.report.part import Picture, Section, Table, as_csv
 from updating.report.results import Results
 from updating.results.text import percent
@@ -196,7 +196,6 @@ def step_chart(way: Sequence[Step]) -> Chart:
         layout={
             "yaxis": axis(f"mean {_KINDS[way[0].kind]} [%]", range=[0.0, 112.0 * highest]),
             "xaxis": {"automargin": True, "tickangle": 0},
-            "legend": legend_above(),
             "waterfallgap": 0.25,
             "margin": {"r": 8, "t": 66},
         },
@@ -236,7 +235,6 @@ def mode_chart(modes: Sequence[ModeChange]) -> Chart:
             "height": 300,
             "yaxis": axis("frequency error [%]", zeroline=True),
             "xaxis": {"automargin": True},
-            "legend": legend_above(),
             "margin": {"r": 8, "t": 66},
         },
     )
@@ -353,6 +351,5 @@ def map_chart(what_changed: WhatChanged) -> Chart:
         layout={
             "xaxis": axis(f"{across} [mm]", range=[x0, x1]),
             "yaxis": axis(f"{up} [mm]", range=[y0, y1], scaleanchor="x"),
-            "margin": {"r": 8, "t": 20},
         },
     )

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
 
 _HEIGHT = 360  # px, where a layout states none
+_MARGIN = {"r": 8, "t": 34}  # px, with room for the tools and a line of a legend above the axes
 
 _INCHES = {"full": 9.0, "half": 6.4}  # width of a figure in print
 
@@ -63,7 +64,13 @@ class Chart:
         """
         import plotly.graph_objects as go
 
-        layout = {"height": _HEIGHT, **self.layout, "template": "none"}
+        layout = {
+            "height": _HEIGHT,
+            "legend": legend_above(),
+            "margin": _MARGIN,
+            **self.layout,
+            "template": "none",
+        }
         drawn = json.loads(go.Figure(data=[dict(t) for t in self.traces], layout=layout).to_json())
         return {"data": drawn["data"], "layout": drawn["layout"]}
 

@@ -13,7 +13,7 @@ from ema.plot import palette
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError, Moved
 from updating.fitting.fit import Estimate, ParameterEstimate
-from updating.report.chart import Chart, axis, charted, legend_above
+from updating.report.chart import Chart, axis, charted
 from updating.report.part import Picture, Section, Table, as_csv
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
@@ -137,7 +137,7 @@ def ledger_chart(entries: Sequence[Entry]) -> Chart:
     height = 120 + len(kinds) * (entry_height * len(entries) + 40)
     return Chart(
         traces=traces,
-        layout={**layout, "height": height, "legend": legend_above(), "margin": {"r": 8, "t": 34}},
+        layout={**layout, "height": height},
     )
 
 
@@ -280,7 +280,6 @@ def parameter_chart(fitted: Sequence[Tested]) -> Chart:
         "xaxis": axis(label, anchor="y2"),
         "yaxis": axis("G_f [Pa/Pa]", domain=[0.56, 1.0], rangemode="tozero"),
         "yaxis2": axis("d_f [s/Pa]", domain=[0.0, 0.44], rangemode="tozero", exponentformat="e"),
-        "margin": {"r": 8, "t": 34},
     }
     return Chart(traces=traces, layout=layout)
 
@@ -387,8 +386,6 @@ def signature_chart(errors: Sequence[ModeError], signatures: Mapping[str, Sequen
     layout = {
         "yaxis": axis("change of frequency [%]", zeroline=True),
         "xaxis": {"automargin": True},
-        "legend": legend_above(),
-        "margin": {"r": 8, "t": 34},
     }
     return Chart(traces=traces, layout=layout)
 

@@ -26,7 +26,7 @@ from updating.fitting.plots import (
     shape_pair_figure,
     shape_pairs,
 )
-from updating.report.chart import Chart, axis, charted, legend_above, single
+from updating.report.chart import Chart, axis, charted, single
 from updating.report.frf_part import frf_title
 from updating.report.part import (
     ByModel,
@@ -325,7 +325,6 @@ def mac_chart(
         "height": 430,
         "xaxis": axis(f"{across} mode, frequency [Hz]", **kind),
         "yaxis": axis(f"{down} mode, frequency [Hz]", autorange="reversed", **kind),
-        "margin": {"r": 8, "t": 34},  # room for the tools, which else lie on the matrix
     }
     return Chart(traces=[trace], layout=layout)
 
@@ -379,8 +378,6 @@ def comac_chart(points: PointCorrelation) -> Chart:
             "xaxis": axis("point", type="category"),
             "yaxis": axis("difference / rms", domain=[0.0, 0.46]),
             "yaxis2": axis("1 - CoMAC", domain=[0.54, 1.0], exponentformat="e"),
-            "legend": legend_above(),
-            "margin": {"r": 8},
         },
     )  # fmt: skip
 
@@ -420,8 +417,6 @@ def objective_chart(fit: Fit) -> Chart:
             "yaxis": axis("opt_G [Hz]", type="log", domain=[0.6, 1.0]),
             "xaxis2": axis(f"d_f [{fit.d_f.unit}]", anchor="y2", exponentformat="e"),
             "yaxis2": axis("opt_d [% damping]", domain=[0.0, 0.38], rangemode="tozero"),
-            "legend": legend_above(),
-            "margin": {"r": 8},
         },
     )
 

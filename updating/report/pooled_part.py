@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ema.plot import palette
-from updating.report.chart import Chart, axis, charted, legend_above
+from updating.report.chart import Chart, axis, charted
 from updating.report.part import Picture, Section, Table, as_csv
 from updating.results.pooled import (
     SPECIMEN_HEADER,
@@ -198,7 +198,6 @@ def _error_chart(specimens: Sequence[SpecimenAnswer]) -> Chart:
             "height": 300,
             "yaxis": axis("mean frequency error [%]", rangemode="tozero"),
             "xaxis": {"automargin": True, "type": "category"},
-            "legend": legend_above(),
             "margin": {"r": 8, "t": 66},
         },
     )

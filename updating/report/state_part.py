@@ -16,7 +16,7 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
 from updating.correlation.plots import within_band
 from updating.fitting.plots import ShapePair, beside_shape
-from updating.report.chart import Chart, axis, charted, legend_above, printed, single
+from updating.report.chart import Chart, axis, charted, printed, single
 from updating.report.frf_part import CHANGED, REFERENCE, frf_chart
 from updating.report.modes_part import gallery_of, mac_picture
 from updating.report.part import Gallery, Picture, Section, Table, as_csv, png, svg
@@ -108,8 +108,6 @@ def shift_chart(change: Change) -> Chart:
         layout={
             "xaxis": axis("mode, frequency of the reference [Hz]", **kind),
             "yaxis": axis("shift of the frequency [%]", zeroline=True),
-            "legend": legend_above(),
-            "margin": {"r": 8, "t": 30},
         },
     )
 
@@ -291,7 +289,5 @@ def _mean_chart(frequency: Vector, mean: Mapping[str, Vector]) -> Chart:
         layout={
             "xaxis": axis("frequency [Hz]"),
             "yaxis": axis("root mean square of all functions", type="log", exponentformat="power"),
-            "legend": legend_above(),
-            "margin": {"r": 8, "t": 30},
         },
     )

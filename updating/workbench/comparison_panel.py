@@ -17,7 +17,7 @@ from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import any_pair
-from updating.report.chart import Chart, axis, legend_above
+from updating.report.chart import Chart, axis
 from updating.report.frf_part import BASE, FOUND
 from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
 from updating.report.modes_part import mac_chart, shape_numbers
@@ -52,8 +52,6 @@ def frequencies_chart(tested: Tested, fit: ModelFit) -> Chart:
             "yaxis": axis("frequency error [%]", domain=[0.56, 1.0], zeroline=True),
             "yaxis2": axis("damping ratio [%]", domain=[0.0, 0.44]),
             "xaxis": axis("mode", anchor="y2"),
-            "legend": legend_above(),
-            "margin": {"r": 8, "t": 30},
         },
     )
 

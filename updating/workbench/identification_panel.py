@@ -26,7 +26,7 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
 from updating.errors import StoreError, UpdatingError
 from updating.fitting.plots import lone_shape
-from updating.report.chart import Chart, axis, legend_above, single
+from updating.report.chart import Chart, axis, single
 from updating.report.frf_part import stabilization_chart
 from updating.report.modes_part import mac_chart, shape_numbers
 from updating.report.results import Tested
@@ -88,8 +88,6 @@ def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple
             exponentformat="power",
         ),
         "hovermode": "x unified",
-        "legend": legend_above(),
-        "margin": {"r": 8, "t": 30},
     }
     frequency = np.abs(pole) / (2.0 * np.pi)
     likeness = mac(fit.residue, fit.residue)
@@ -125,7 +123,6 @@ def runs_chart(measured: ModalModel) -> Chart:
             "xaxis": axis("run"),
             "yaxis": axis("frequency off the mean of the runs [%]", zeroline=True),
             "legend": {"orientation": "v"},
-            "margin": {"r": 8, "t": 30},
         },
     )
 

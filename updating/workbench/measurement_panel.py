@@ -17,7 +17,7 @@ from ema.plot.figures import UNIT
 from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
 from updating.correlation.plots import synthesized
-from updating.report.chart import Chart, axis, legend_above, single
+from updating.report.chart import Chart, axis, single
 from updating.report.results import Tested
 from updating.workbench.opened import Opened, empty, figure, plot
 
@@ -157,8 +157,6 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> Chart:
         "xaxis": axis("frequency [Hz]", anchor="y3" if lines.coherence is not None else "y2"),
         "yaxis": axis(UNIT[lines.quantity], type="log", exponentformat="power", domain=[0.48, 1.0]),
         "yaxis2": axis("phase [°]", tickvals=[-180, 0, 180], domain=[0.22, 0.42]),
-        "legend": legend_above(),
-        "margin": {"r": 8, "t": 30},
     }
     if lines.coherence is not None:
         layout["yaxis3"] = axis("coherence", range=[0, 1.05], domain=[0.0, 0.16])

@@ -42,7 +42,7 @@ from updating.diagnosis.fit_settings import CONTACT
 from updating.diagnosis.stack_near import RATIOS
 from updating.errors import FitError, PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, N_SNAPSHOT, frequency_error, stack_in_state
-from updating.report.chart import Chart, axis, legend_above, single
+from updating.report.chart import Chart, axis, single
 from updating.report.identified_model import identified_effects
 from updating.report.results import Results, Tested
 from updating.results.text import quantity
@@ -347,8 +347,6 @@ def outcome_chart(before: Outcome, now: Outcome) -> Chart:
             "yaxis": axis("frequency error [%]", domain=[0.36, 1.0], zeroline=True),
             "yaxis2": axis("MAC", domain=[0.0, 0.26], range=[0.0, 1.05]),
             "xaxis": axis("measured mode", anchor="y2"),
-            "legend": legend_above(),
-            "margin": {"r": 8, "t": 30},
         },
     )
 
@@ -404,8 +402,6 @@ def response_chart(
                 type="log", exponentformat="power", range=reach.tolist(),
             ),
             "hovermode": "x unified",
-            "legend": legend_above(),
-            "margin": {"r": 8, "t": 30},
             "uirevision": "kept",
         },
     )  # fmt: skip
