@@ -16,7 +16,7 @@ from model.modes.modes import (
     solve_modes,
 )
 from model.modes.refinement import Refined, refine
-from model.modes.response import frf, frf_direct
+from model.modes.response import frf
 from model.plot.plots import mode_plotter
 from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem, assemble, reduce, reduced_terms
@@ -65,7 +65,6 @@ __all__ = [
     "contact_strain",
     "find_effects",
     "frf",
-    "frf_direct",
     "mode_plotter",
     "mode_surface",
     "observe",

@@ -7,10 +7,10 @@ from updating.correlation.correlation import (
     correlate_points,
     fdac,
 )
-from updating.correlation.criteria import cross_orthogonality, macx, macxp, poles, subspace_mac
-from updating.correlation.localization import ErrorMap, Regions, map_error, modal_energy, regions
+from updating.correlation.criteria import cross_orthogonality, macxp, poles, subspace_mac
+from updating.correlation.localization import ErrorMap, Regions, map_error, regions
 from updating.correlation.pairing import Pairing, Track, pair, track
-from updating.correlation.registration import Expansion, Registration, expand, expanded_modes, register
+from updating.correlation.registration import Expansion, Registration, expand, register
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
@@ -58,16 +58,13 @@ __all__ = [
     "diagnose",
     "diagnose_matrices",
     "expand",
-    "expanded_modes",
     "fdac",
     "fit",
     "fit_matrices",
     "frequency_error",
     "joint_fit",
-    "macx",
     "macxp",
     "map_error",
-    "modal_energy",
     "opt_G",
     "opt_d",
     "pair",

@@ -8,7 +8,6 @@ from typing import Literal, get_args
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, Riding, Target, Term
@@ -163,38 +162,3 @@ def _following_terms(
         for term in system.assembly.terms
         if term.factor.derivative(theta, OMEGA) != 0.0
     ]
-
-
-def frf_direct(
-    system: ReducedSystem,
-    *,
-    G_f: float,
-    d_f: float,
-    frequency: NDArray[np.float64],
-    output: Observation,
-    input: Observation,  # noqa: A002
-    parameters: Mapping[str, float] | None = None,
-) -> NDArray[np.complex128]:
-    """Solve (K + i omega C - omega**2 M) x = f of the z-reduced equations at a few lines: the receptance.
-
-    It truncates no mode, so it checks `frf`; each line costs a sparse complex factorisation. Parameters as in
-    `frf`.
-
-    Returns
-    -------
-    (n_output, n_input, n_frequency) complex
-        m/N.
-    """
-    theta = full_parameters(system, G_f, d_f, parameters)
-    assembly = system.assembly
-    stiffness, damping, mass = (assembly.matrix(target, theta) for target in ("K", "C", "M"))
-    rows_out, rows_in = observe(system, output).rows, observe(system, input).rows
-    load = rows_in.T.toarray().astype(complex)
-    value = np.empty((rows_out.shape[0], rows_in.shape[0], np.size(frequency)), dtype=complex)
-    for i, omega in enumerate(2.0 * np.pi * np.asarray(frequency, dtype=float)):
-        if OMEGA in theta:
-            here = {**theta, OMEGA: float(omega)}
-            stiffness, damping, mass = (assembly.matrix(target, here) for target in ("K", "C", "M"))
-        dynamic = (stiffness + 1j * omega * damping - omega**2 * mass).tocsc()
-        value[:, :, i] = rows_out @ splinalg.splu(dynamic).solve(load)
-    return value

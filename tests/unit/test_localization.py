@@ -15,7 +15,6 @@ from updating.correlation.localization import (
     Regions,
     energy_by_region,
     map_error,
-    modal_energy,
     regions,
 )
 from updating.correlation.plots import error_map_picture
@@ -141,6 +140,18 @@ def test_energies_add_up_to_the_terms_of_the_equations(system, stack, observatio
     np.testing.assert_allclose(energy[:, 2], of("tangential contact"), rtol=1e-9)
     np.testing.assert_allclose(energy[:, 3], of("normal contact"), rtol=1e-9, atol=1e-9 * energy.max())
     np.testing.assert_allclose(energy[:, 4], of("lamina mass", "clamp 0 mass", "clamp 1 mass"), rtol=1e-9)
+
+
+def modal_energy(system, modes, theta, where):
+    """Share of each mode's energy by kind and region: strain energy of the four kinds of stiffness, kinetic of mass."""
+    energy = energy_by_region(system, system.basis @ modes.coordinate, theta, where)
+    stiffness, mass = (
+        np.einsum("ir,ij,jr->r", modes.coordinate, system.matrix(target, theta), modes.coordinate)
+        for target in "KM"
+    )
+    energy[:, :-1] /= stiffness[:, None, None, None, None]
+    energy[:, -1] /= mass[:, None, None, None]
+    return energy
 
 
 def test_energies_follow_uneven_pressure(stack, observation):

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.modal.mac import mac
-from updating.correlation.criteria import macx, macxp, poles
+from updating.correlation.criteria import macxp, poles
 
 
 @pytest.fixture
@@ -14,10 +13,6 @@ def shape():
 
 def decay(shape, pole, time):
     return np.real(shape[:, None] * np.exp(pole * time))
-
-
-def test_real_shapes_have_their_mac(shape):
-    np.testing.assert_allclose(macx(shape, shape[:, ::-1]), mac(shape, shape[:, ::-1]))
 
 
 def test_poles_hold_frequency_and_damping():
@@ -30,7 +25,6 @@ def test_equal_modes_have_one(shape):
     phi = shape + 0.4j * shape[:, ::-1]
     pole = poles([10.0, 20.0, 30.0], [0.1, 0.02, 0.05])
     np.testing.assert_allclose(np.diag(macxp(phi, pole, phi, pole)), 1.0)
-    np.testing.assert_allclose(np.diag(macx(phi, phi)), 1.0)
 
 
 def test_real_shapes_keep_the_norm_of_their_decays(shape):

@@ -115,21 +115,6 @@ def poles(frequency: ArrayLike, damping: ArrayLike) -> NDArray[np.complex128]:
     return omega * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
 
 
-def macx(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
-    """Compare complex shapes by the extended MAC, (n_a, n_b), which is the MAC where both are real.
-
-    Parameters
-    ----------
-    a : (n_dof, n_a) array_like
-    b : (n_dof, n_b) array_like
-        Shapes at the same DOFs.
-    """
-    first, second = np.asarray(a, dtype=complex), np.asarray(b, dtype=complex)
-    cross = np.abs(first.conj().T @ second) + np.abs(first.T @ second)
-    norm_a, norm_b = (np.sum(np.abs(s) ** 2, axis=0) + np.abs(np.sum(s**2, axis=0)) for s in (first, second))
-    return cross**2 / np.outer(norm_a, norm_b)
-
-
 def macxp(a: ArrayLike, pole_a: ArrayLike, b: ArrayLike, pole_b: ArrayLike) -> NDArray[np.float64]:
     """Compare complex modes by the pole-weighted MAC, (n_a, n_b): 1 only where shape, frequency and damping agree.
 

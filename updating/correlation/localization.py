@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ema.modal.mac import real_shape
 from ema.types.modal_model import ModalModel
 from lamella_shared import readonly
-from model import Modes, Observation, ReducedSystem, Stack
+from model import Observation, ReducedSystem, Stack
 from model.contact.pressing import pressure_distribution
 from model.elements.mesh import FIELDS, Derivative, Field
 from model.modes.modes import full_parameters, observe
@@ -70,38 +70,6 @@ def regions(stack: Stack, n_x: int = 10, n_y: int = 2, n_z: int = 4) -> Regions:
     sides = zip((stack.length, stack.width, stack.height), (n_x, n_y, n_z), strict=True)
     x, y, z = (np.linspace(-side / 2.0, side / 2.0, n + 1) for side, n in sides)
     return Regions(x=x, y=y, z=z)
-
-
-def modal_energy(system: ReducedSystem, modes: Modes, theta: Mapping[str, float], where: Regions) -> Vector:
-    """Return the share of each mode's energy by kind and region.
-
-    The four kinds of stiffness share the strain energy of the mode, the mass its kinetic energy; each of the two
-    sums to 1, less what effects beyond the plain stack hold.
-
-    Parameters
-    ----------
-    system : ReducedSystem
-        The reduced stack.
-    modes : Modes
-        Its elastic modes.
-    theta : mapping of str to float
-        Parameters that they were solved for.
-    where : Regions
-        The regions.
-
-    Returns
-    -------
-    (n_mode, n_kind, n_x, n_y, n_z) float
-        Kinds in the order of `ENERGY_KINDS`.
-    """
-    energy = energy_by_region(system, system.basis @ modes.coordinate, theta, where)
-    stiffness, mass = (
-        np.einsum("ir,ij,jr->r", modes.coordinate, system.matrix(target, theta), modes.coordinate)
-        for target in ("K", "M")
-    )
-    energy[:, :-1] /= stiffness[:, None, None, None, None]
-    energy[:, -1] /= mass[:, None, None, None]
-    return energy
 
 
 def energy_by_region(

@@ -104,7 +104,7 @@ def region_plotter(
     Parameters
     ----------
     value : (n_x, n_y, n_z) float
-        What to draw, not negative: an error, or the share of a mode's energy from `energy.modal_energy`.
+        What to draw, not negative: an error, or an energy.
     where : Regions
         The regions.
     stack : Stack

@@ -8,7 +8,6 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
-from ema.modal.mac import real_shape
 from ema.types.geometry import Geometry
 from lamella_shared import arrays
 from model import Modes, Observation, Stack, sample_points
@@ -154,45 +153,6 @@ def expand(shape: ArrayLike, shape_std: ArrayLike, modes: Modes) -> Expansion:
         coordinate=modes.coordinate @ amplitude,
         matched=np.sum(np.abs(rebuilt) ** 2, axis=0) / square,
         condition=condition,
-    )
-
-
-def expanded_modes(
-    expansion: Expansion, modes: Modes, frequency: NDArray[np.float64], damping: NDArray[np.float64]
-) -> Modes:
-    """Return measured modes on the whole model, for what takes `Modes`, such as `model.mode_surface`.
-
-    Parameters
-    ----------
-    expansion : Expansion
-        The measured shapes, expanded with `modes`.
-    modes : Modes
-        The modes that it was expanded with.
-    frequency, damping : (n_measured,)
-        Measured natural frequencies, Hz, and damping ratios.
-
-    Returns
-    -------
-    Modes
-        Real shapes of the scale that was measured, without derivatives.
-    """
-    n_mode = frequency.size
-    coordinate = real_shape(expansion.coordinate)
-    amplitude = la.lstsq(modes.coordinate, coordinate)[0]
-    return Modes(
-        frequency=frequency,
-        damping=damping,
-        pole_frequency=frequency,
-        shape=modes.shape @ amplitude,
-        node=modes.node,
-        direction=modes.direction,
-        n_rigid=0,
-        parameter=(),
-        frequency_gradient=np.zeros((n_mode, 0)),
-        damping_gradient=np.zeros((n_mode, 0)),
-        shape_gradient=np.zeros((modes.node.size, n_mode, 0)),
-        coordinate=coordinate,
-        outside=modes.outside,
     )
 
 
