@@ -15,8 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.contact.pressing import pressure_distribution
-from model.contact.pressure import separate
+from model.contact.pressing import pressure_distribution, separate
 from model.elements.equations import Kron, Monomial, Target, Term
 from model.elements.mesh import Derivative, Field, Plan
 from model.stack.stack import Stack

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lamella_shared import figure_of, html_of, html_table
-from model.contact.pressure import PressureField
+from model.contact.pressing import PressureField
 from model.modes.modes import Modes, Surface, mode_surface
 from model.reduction.reduction import ReducedSystem
 from model.stack.outline import Triangulation

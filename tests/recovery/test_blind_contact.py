@@ -8,7 +8,7 @@ import pytest
 
 from ema import identify_frf
 from updating import fit
-from updating.virtual.measurement import simulate
+from updating.virtual.campaign import simulate
 from updating.virtual.vibration_test import VirtualConfiguration, read_virtual_test
 
 SPECIFICATION = Path(__file__).parents[2] / "data/demo_stack/virtual_test.toml"

@@ -14,7 +14,7 @@ from ema.types.geometry import Dofs
 from ema.types.modal_model import ModalModel
 from model import Mesh, ReducedSystem
 from tests.enrichment import enriched
-from updating.virtual.measurement import N_MODE, TrueModes, runs_of, true_modes
+from updating.virtual.campaign import N_MODE, TrueModes, runs_of, true_modes
 from updating.virtual.vibration_test import Specimen, VirtualTest, specimens
 
 QUICK_MESH = Mesh(n_x=30, n_y=6)

@@ -13,8 +13,14 @@ from model import EffectError, Mesh, assemble, catalogue, read_stack
 from model.effects.catalogue import shipped
 from model.effects.parts import known_or_usual_instruments
 from updating.diagnosis import cached_model as module
-from updating.diagnosis.cached_model import N_CACHED, cached_model
-from updating.results.array_file import flattened, read_arrays, restored, write_arrays
+from updating.diagnosis.cached_model import (
+    N_CACHED,
+    cached_model,
+    flattened,
+    read_arrays,
+    restored,
+    write_arrays,
+)
 
 ROOT = Path(__file__).parents[2]
 STACK = dataclasses.replace(

@@ -6,8 +6,7 @@ import pytest
 
 import model
 from model.contact.contact import SEPARATION
-from model.contact.pressing import press
-from model.contact.pressure import separate
+from model.contact.pressing import press, separate
 from model.effects.parts import centred
 from model.elements.mesh import rectangle
 from model.stack.inputs import read_curve

@@ -12,8 +12,15 @@ import model
 from tests.studies.modal_data import QUICK_MESH, ModalNoise, simulate_modes
 from updating.errors import FitError
 from updating.results.store import digest
-from updating.virtual.campaign import write_virtual_test
-from updating.virtual.measurement import Dynamics, dynamics, loaded_response, poles, simulate, true_modes
+from updating.virtual.campaign import (
+    Dynamics,
+    dynamics,
+    loaded_response,
+    poles,
+    simulate,
+    true_modes,
+    write_virtual_test,
+)
 from updating.virtual.vibration_test import Averaging, drawn_deviations, read_virtual_test, specimens
 
 ROOT = Path(__file__).parents[2]

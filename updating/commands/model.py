@@ -29,8 +29,7 @@ from model import (
     read_stack,
     reduce_matrices,
 )
-from model.contact.pressing import press
-from model.contact.pressure import PressureSummary
+from model.contact.pressing import PressureSummary, press
 from model.effects.conformance import effect_faults
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.modes.refinement import Verification, solve_verified

@@ -1,22 +1,424 @@
-"""The files of a virtual test: what a laboratory would hand over, and the sealed truth."""
+"""A virtual test: measurements simulated on a model, the files that a laboratory would hand over, and the sealed truth."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+import model
 from ema import write_uff
 from ema.types.frf import FRF
-from ema.types.geometry import Geometry
+from ema.types.geometry import Dofs, Geometry
+from model import Formula, Observation, Observed, ReducedSystem, SolveError
+from model.elements.equations import OMEGA, Product, Target
+from model.reduction.reduced_equations import full
 from model.stack.stack_file import read_toml
+from updating.correlation.pairing import N_MODE
 from updating.results.store import write_bytes, write_result
-from updating.virtual.measurement import TrueModes, simulate
-from updating.virtual.vibration_test import VirtualConfiguration, VirtualTest, drawn_deviations, specimens
+from updating.virtual.vibration_test import (
+    Averaging,
+    Specimen,
+    VirtualConfiguration,
+    VirtualTest,
+    drawn_deviations,
+    specimens,
+)
+
+_POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
+
+_LINES_AT_ONCE = 128
+
+_STEP = 1e-6  # relative, of the derivative that only steers the iteration
+
+_MOST_STEPS = 40
+
+_CONVERGED = 1e-11
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Dynamics:
+    """Dynamic stiffness of a stack, s**2 M + s C + K, with factors that may depend on frequency.
+
+    Attributes
+    ----------
+    steady : mapping of target to (n, n)
+        Parts of M, C and K that do not depend on frequency.
+    following : tuple of (target, callable, matrix)
+        Parts that do: the factor at a complex angular frequency s / i, which continues the factor on the real
+        axis, times an (n, n) matrix.
+    """
+
+    steady: Mapping[Target, NDArray[np.float64]]
+    following: tuple[tuple[Target, Callable[[complex], complex], NDArray[np.float64]], ...]
+
+    def at(self, s: complex) -> NDArray[np.complex128]:
+        """Return the dynamic stiffness at the Laplace variable `s`, rad/s; (n, n) complex."""
+        total: NDArray[Any] = s**2 * self.steady["M"] + s * self.steady["C"] + self.steady["K"]
+        for target, factor, matrix in self.following:
+            total = total + s ** _POWER[target] * factor(s / 1j) * matrix
+        return np.asarray(total, dtype=complex)
+
+    def slope(self, s: complex) -> NDArray[np.complex128]:
+        """Return the derivative of the dynamic stiffness by `s`; a difference would drown in the supports."""
+        total: NDArray[Any] = 2.0 * s * self.steady["M"] + self.steady["C"]
+        h = _STEP * abs(s)
+        for target, factor, matrix in self.following:
+            ends = [z ** _POWER[target] * factor(z / 1j) for z in (s + h, s - h)]
+            total = total + (ends[0] - ends[1]) / (2.0 * h) * matrix
+        return np.asarray(total, dtype=complex)
+
+    def with_parts(self, rows: NDArray[np.float64], mass: float, stiffness: float = 0.0) -> Dynamics:
+        """Return the dynamics with a mass, kg, and a spring to the ground, N/m, on each of the `rows` (k, n)."""
+        square = rows.T @ rows
+        steady = {
+            **self.steady,
+            "M": self.steady["M"] + mass * square,
+            "K": self.steady["K"] + stiffness * square,
+        }
+        return replace(self, steady=steady)
+
+
+def dynamics(system: ReducedSystem, theta: Mapping[str, float]) -> Dynamics:
+    """Return the dynamic stiffness of a reduced system at the parameters `theta`."""
+    steady = {target: np.zeros((system.size, system.size)) for target in _POWER}
+    following = []
+    for term in system.terms:
+        if OMEGA in theta and term.factor.derivative(theta, OMEGA) != 0.0:
+            following.append((term.target, _continued(term.factor, theta), full(term.matrix)))
+        else:
+            steady[term.target] += term.factor(theta) * full(term.matrix)
+    return Dynamics(steady=steady, following=tuple(following))
+
+
+def _continued(factor: Any, theta: Mapping[str, float]) -> Callable[[complex], complex]:
+    if isinstance(factor, Product):
+        first, second = _continued(factor.first, theta), _continued(factor.second, theta)
+        return lambda omega: first(omega) * second(omega)
+    if isinstance(factor, Formula):
+        return lambda omega: complex(factor.function({**theta, OMEGA: omega}))
+    return lambda omega: complex(factor({**theta, OMEGA: omega.real}))
+
+
+def poles(
+    of: Dynamics, start: NDArray[np.complex128], vectors: NDArray[np.float64]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Solve (s**2 M + s C + K) x = 0 for the poles next to given ones, by Newton's inverse iteration.
+
+    Parameters
+    ----------
+    of : Dynamics
+        Dynamic stiffness.
+    start : (n_mode,) complex
+        Poles to start from, rad/s.
+    vectors : (n, n_mode) float
+        Their vectors.
+
+    Returns
+    -------
+    pole : (n_mode,) complex
+    vector : (n, n_mode) complex
+
+    Raises
+    ------
+    SolveError
+        A pole does not converge.
+    """
+    aside = 1e-13  # relative step aside
+    rounded = 1e-6  # relative step that may be rounding beside stiff supports, if it does not fall any more
+    found, shapes = np.empty(start.size, complex), np.empty(vectors.shape, complex)
+    for r, given in enumerate(start):
+        s, x = complex(given), vectors[:, r].astype(complex)
+        v, last = x.conj(), np.inf  # real modes are their own left vectors
+        for _ in range(_MOST_STEPS):
+            slope = of.slope(s)
+            try:
+                u = np.linalg.solve(of.at(s), slope @ x)  # at the pole nearly singular, and meant to be
+            except np.linalg.LinAlgError:  # the pole to the last bit
+                s *= 1.0 + aside
+                u = np.linalg.solve(of.at(s), slope @ x)
+            gain = (v @ u) / (v @ x)
+            s, x = s - 1.0 / gain, u / gain
+            step = abs(1.0 / gain)
+            if step < _CONVERGED * abs(s) or last <= step < rounded * abs(s):
+                break
+            last = step
+        else:
+            raise SolveError(f"the damped mode near {abs(given) / 2 / np.pi:.6g} Hz does not converge")
+        found[r], shapes[:, r] = s, x
+    return found, shapes
+
+
+def receptance(
+    of: Dynamics,
+    frequency: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    force: NDArray[np.float64],
+) -> NDArray[np.complex128]:
+    """Return receptances, (n_output, n_frequency), to one force.
+
+    Parameters
+    ----------
+    of : Dynamics
+        The stack.
+    frequency : (n_frequency,) float
+        Lines, Hz.
+    rows : (n_output, n) float
+        Observed displacements in reduced coordinates.
+    force : (n,) float
+        The unit force in reduced coordinates.
+    """
+    return np.asarray(rows @ np.array([np.linalg.solve(of.at(s), force) for s in 2j * np.pi * frequency]).T)
+
+
+def loaded_response(
+    of: Dynamics,
+    clean: NDArray[np.complex128],
+    frequency: NDArray[np.float64],
+    sensors: Observed,
+    run: NDArray[np.int64],
+    mass: float,
+) -> NDArray[np.complex128]:
+    """Return receptances of roving sensors that load the stack where they stand, run by run.
+
+    With the unloaded receptances H_ss between the sensors' degrees of freedom of a run and H_sf to the force,
+    the loaded ones are (I - omega**2 m H_ss)^-1 H_sf: a mass is a modification of low rank.
+
+    Parameters
+    ----------
+    of : Dynamics
+        The unloaded stack.
+    clean : (n, n_frequency) complex
+        Unloaded receptances to the one force, at the degrees of freedom of `sensors`.
+    frequency : (n_frequency,) float
+        Lines, Hz.
+    sensors : Observed
+        All degrees of freedom in which sensors move: x, y and z at each point.
+    run : (n,) int
+        Run of each of them.
+    mass : float
+        Mass of one sensor, kg.
+
+    Returns
+    -------
+    (n, n_frequency) complex
+    """
+    rows = sensors.reduced_rows
+    groups = [np.flatnonzero(run == number) for number in np.unique(run)]
+    value = clean.copy()
+    for first in range(0, frequency.size, _LINES_AT_ONCE):
+        omega = 2.0 * np.pi * frequency[first : first + _LINES_AT_ONCE]
+        stiffness = np.stack([of.at(1j * line) for line in omega])
+        flexibility = np.linalg.solve(stiffness, np.broadcast_to(rows.T, (omega.size, *rows.T.shape)))
+        for group in groups:
+            own = rows[group] @ flexibility[:, :, group]
+            system = np.eye(group.size) - (omega**2 * mass)[:, None, None] * own
+            here = value[group, first : first + omega.size].T[:, :, None]
+            value[group, first : first + omega.size] = np.linalg.solve(system, here)[:, :, 0].T
+    return value
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrueModes:
+    """The true elastic modes of one configuration, damped, at the measured DOFs.
+
+    Attributes
+    ----------
+    frequency, damping : (n_mode,) float
+        abs(pole) / 2 pi, Hz, and -Re(pole) / abs(pole) of the stack with the shaker's parts and without
+        accelerometers.
+    shape : (n_dof, n_mode) float
+        Mass-normalised shapes, 1/sqrt(kg), of the undamped stack.
+    node : (n_dof,) int
+        Point numbers.
+    direction : (n_dof, 3) float
+        Directions.
+    run_frequency, run_damping : (n_run, n_mode) float
+        The same with the accelerometers where they stand in each run.
+    tested_frequency, tested_damping : (n_mode,) float
+        Means over the runs: what one pole for all runs stands for.
+    strength : (n_mode,) float
+        Largest accelerance at resonance, (m/s2)/N; weak ones do not show in FRFs.
+    """
+
+    frequency: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    shape: NDArray[np.float64]
+    node: NDArray[np.int64]
+    direction: NDArray[np.float64]
+    run_frequency: NDArray[np.float64]
+    run_damping: NDArray[np.float64]
+    tested_frequency: NDArray[np.float64]
+    tested_damping: NDArray[np.float64]
+    strength: NDArray[np.float64]
+
+    def visible(self, band: tuple[float, float]) -> NDArray[np.bool_]:
+        """Return which modes lie in a band, Hz, and show in its FRFs, (n_mode,)."""
+        # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker
+        visible = 0.01
+        inside = (self.tested_frequency > band[0]) & (self.tested_frequency < band[1])
+        return inside & (self.strength > visible * self.strength[inside].max(initial=0.0))
+
+
+def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
+    """Compute the noisy FRFs and the true modes of every configuration.
+
+    Two accelerometers rove: in run i they stand on the points 2i + 1 and 2i + 2 of the geometry, both in +z.
+    The FRFs hold their mass in all three directions.
+
+    With averaging, noise is drawn line by line: the spectra of force and response of every record get complex
+    normal noise, and H1 and coherence are estimated from them. This is no approximation of what happens in
+    time: the force is burst random that dies out within the record, so there is neither leakage nor need of
+    a window, and the transform of white noise over a rectangular window is independent from line to line.
+    """
+    rng = np.random.default_rng(test.seed)
+    simulated = {}
+    for specimen in specimens(test):
+        system = model.reduce(specimen.stack, n_mode=N_MODE)
+        true = true_modes(test, specimen, system)
+        clean = _clean(test, specimen, system)
+        coherence = None
+        if test.averaging is None:
+            value = clean + _noise(rng, clean, test.noise)
+        else:
+            value, coherence = _estimated(rng, clean, runs_of(specimen), test.averaging)
+        node = specimen.output.node
+        simulated[specimen.configuration.name] = (
+            FRF(
+                frequency=test.frequency,
+                value=value,
+                quantity="accelerance",
+                output=Dofs(node=node, direction=specimen.output.direction),
+                input=Dofs(node=specimen.shaker.node, direction=specimen.shaker.direction),
+                run=runs_of(specimen),
+                source=tuple(f"virtual test, point {n}" for n in node),
+                coherence=coherence,
+            ),
+            true,
+        )
+    return simulated
+
+
+def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> TrueModes:
+    """Return the true modes of a specimen whose reduced equations are `system`."""
+    c = specimen.configuration
+    modes = model.solve_modes(
+        system, G_f=c.G_f, d_f=c.d_f, n_mode=N_MODE, observation=specimen.output, by=()
+    ).elastic()
+    bare = _with_shaker(test, specimen, system)
+    start = 2.0 * np.pi * modes.frequency * (-modes.damping + 1j * np.sqrt(1.0 - modes.damping**2))
+    pole, vector = poles(bare, start, modes.coordinate)
+    drive = model.observe(system, specimen.shaker).reduced_rows @ modes.coordinate
+    run = runs_of(specimen)
+    run_pole = np.tile(pole, (run.max() + 1, 1))
+    if test.sensor_mass > 0.0:
+        rows = model.observe(system, _sensors(specimen)).reduced_rows
+        if test.dummy_masses:
+            run_pole[:] = poles(bare.with_parts(rows, test.sensor_mass), pole, vector.real)[0]
+        for k, row in enumerate(run_pole if not test.dummy_masses else ()):
+            own = rows[np.repeat(run, 3) == k]
+            row[:] = poles(bare.with_parts(own, test.sensor_mass), pole, vector.real)[0]
+    damping = -run_pole.real / np.abs(run_pole)
+    frequency = np.abs(run_pole) / (2.0 * np.pi)
+    return TrueModes(
+        frequency=np.abs(pole) / (2.0 * np.pi),
+        damping=-pole.real / np.abs(pole),
+        shape=modes.shape,
+        node=modes.node,
+        direction=modes.direction,
+        run_frequency=frequency,
+        run_damping=damping,
+        tested_frequency=frequency.mean(axis=0),
+        tested_damping=damping.mean(axis=0),
+        strength=np.abs(modes.shape).max(axis=0) * np.abs(drive[0]) / (2.0 * np.maximum(modes.damping, 1e-6)),
+    )
+
+
+def runs_of(specimen: Specimen) -> NDArray[np.int64]:
+    """Return the run in which each output is measured, (n_output,)."""
+    return np.arange(specimen.output.node.size) // 2
+
+
+def _sensors(specimen: Specimen) -> Observation:
+    """All translations of the accelerometers: x, y, z of each point in turn."""
+    output, n = specimen.output, specimen.output.node.size
+    return Observation(
+        node=np.repeat(output.node, 3),
+        location=np.repeat(output.location, 3, axis=0),
+        direction=np.tile(np.eye(3), (n, 1)),
+    )
+
+
+def _driving_point(specimen: Specimen) -> Observation:
+    """All translations of the driving point."""
+    at = specimen.shaker
+    return Observation(
+        node=np.repeat(at.node, 3), location=np.repeat(at.location, 3, axis=0), direction=np.eye(3)
+    )
+
+
+def _with_shaker(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> Dynamics:
+    """Return the equations of motion with the shaker's moving parts."""
+    rows = model.observe(system, _driving_point(specimen)).reduced_rows
+    of = dynamics(system, system.theta)
+    return of.with_parts(rows, test.force_cell_mass).with_parts(rows[:2], 0.0, test.stinger_stiffness)
+
+
+def _clean(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> NDArray[np.complex128]:
+    """Return accelerances without noise, (n_output, 1, n_frequency), the mass of shaker and sensors included."""
+    c, frequency = specimen.configuration, test.frequency
+    if not (test.sensor_mass or test.force_cell_mass or test.stinger_stiffness):
+        return model.frf(
+            system, G_f=c.G_f, d_f=c.d_f, frequency=frequency, output=specimen.output, input=specimen.shaker
+        )
+    # Without attachment modes at the shaker, whose little flexibility would part these FRFs from the true poles.
+    of, sensors = _with_shaker(test, specimen, system), model.observe(system, _sensors(specimen))
+    if test.dummy_masses:
+        of = of.with_parts(sensors.reduced_rows, test.sensor_mass)
+    force = model.observe(system, specimen.shaker).reduced_rows[0]
+    response = receptance(of, frequency, sensors.reduced_rows, force)
+    if test.sensor_mass > 0.0 and not test.dummy_masses:
+        run = np.repeat(runs_of(specimen), 3)
+        response = loaded_response(of, response, frequency, sensors, run, test.sensor_mass)
+    return -((2.0 * np.pi * frequency) ** 2) * response[2::3, None]
+
+
+def _noise(rng: np.random.Generator, clean: NDArray[np.complex128], level: float) -> NDArray[np.complex128]:
+    """Complex white noise; `level` is its standard deviation over the root mean square of each FRF."""
+    rms = np.sqrt(np.mean(np.abs(clean) ** 2, axis=-1, keepdims=True))
+    return level * rms * _normal(rng, clean.shape)
+
+
+def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.complex128]:
+    """Complex normal numbers of unit variance."""
+    real, imaginary = rng.standard_normal((2, *shape))
+    return np.asarray((real + 1j * imaginary) / np.sqrt(2))
+
+
+def _estimated(
+    rng: np.random.Generator, clean: NDArray[np.complex128], run: NDArray[np.int64], averaging: Averaging
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    """H1 and coherence, (n_output, 1, n_frequency), from records of unit force; a run's outputs share its records."""
+    floor = averaging.response_noise * np.sqrt(np.mean(np.abs(clean) ** 2))
+    value, coherence = np.empty_like(clean), np.empty(clean.shape)
+    n_line = clean.shape[-1]
+    for k in np.unique(run):
+        of = run == k
+        force = _normal(rng, (averaging.n_average, 1, n_line))
+        response = clean[None, of, 0] * force
+        response = response + floor * _normal(rng, response.shape)
+        force = force + averaging.force_noise * _normal(rng, force.shape)
+        cross = np.mean(response * force.conj(), axis=0)
+        own = np.mean(np.abs(force) ** 2, axis=0)
+        value[of, 0] = cross / own
+        coherence[of, 0] = np.abs(cross) ** 2 / own / np.mean(np.abs(response) ** 2, axis=0)
+    return value, coherence
+
 
 _HEADER = ("re", "im", "coherence")
 
