@@ -1,4 +1,4 @@
-"""A virtual test: measurements simulated on a model, the files that a laboratory would hand over, and the sealed truth."""
+"""A virtual test: measurements simulated on a model, the files that a laboratory would hand over, and the truth."""
 
 from __future__ import annotations
 
