@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -87,6 +87,8 @@ class Responses:
         Gives their coordinates in the basis.
     of : (n,) str
         The coordinate of which each is a response.
+    number : (n,) int
+        The mode that it is, or that responds, from 0 at each point.
     energy : (size, size) float
         Lower Cholesky factor of the matrix that measures energy.
     """
@@ -94,23 +96,29 @@ class Responses:
     vectors: Vector
     within: Vector
     of: NDArray[np.str_]
+    number: NDArray[np.intp]
     energy: Vector
+    _grams: dict[tuple[str, int], Vector] = field(default_factory=dict, repr=False)
 
     @cached_property
-    def grams(self) -> dict[str, Vector]:
-        """Sums of squares of the vectors of each coordinate, (size, size)."""
-        weighed = self.energy.T @ self.within @ self.vectors
-        by_coordinate = {name: weighed[:, self.of == name] for name in np.unique(self.of).tolist()}
-        return {name: vectors @ vectors.T for name, vectors in by_coordinate.items()}
+    def _weighed(self) -> Vector:
+        return np.asarray(self.energy.T @ self.within @ self.vectors)
 
-    def basis(self, coordinates: Sequence[Coordinate], at: Mapping[str, float]) -> Vector:
+    def _gram(self, name: str, n: int) -> Vector:
+        """Return the sum of squares of the vectors of a coordinate that belong to the lowest modes, (size, size)."""
+        if (name, n) not in self._grams:
+            vectors = self._weighed[:, (self.of == name) & (self.number < n)]
+            self._grams[name, n] = vectors @ vectors.T
+        return self._grams[name, n]
+
+    def basis(self, coordinates: Sequence[Coordinate], at: Mapping[str, float], n_equation: int) -> Vector:
         """Return an orthonormal basis, (size, m), for some of the coordinates.
 
-        Responses to a coordinate that was neutral where the vectors were made are scaled to its starts.
+        Responses to a coordinate that was neutral where the vectors were made are scaled to its starts. Only the
+        `n_equation` lowest modes respond.
         """
-        total = self.grams[MODES].copy()
+        total = self._gram(MODES, n_equation + N_FURTHER).copy()
         for c in coordinates:
             far = max(map(abs, c.starts)) / c.step if len(c.starts) > 1 and at[c.name] == 0.0 else 1.0
-            if c.name in self.grams:
-                total += max(far, 1.0) ** 2 * self.grams[c.name]
+            total += max(far, 1.0) ** 2 * self._gram(c.name, n_equation)
         return leading(total, self.energy, np.eye(len(total)))

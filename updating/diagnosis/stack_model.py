@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -127,6 +127,7 @@ class StackModel:
             frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms
         ]
         self.n_equation = n_equation or self._within(above)
+        self._near: dict[tuple[Hashable, ...], StackNear] = {}
         self.mesh: FinerMesh = FinerMesh(candidates) if like is None else like.mesh
         self._finer: dict[tuple[int, ...], tuple[Vector | None, Vector]] = {} if like is None else like._finer
         self._resized: dict[tuple[str, tuple[int, ...]], dict[str, Vector]] = (
@@ -308,9 +309,16 @@ class StackModel:
                 theta[name], slope[name] = scaled(known[name], value)
         return theta, slope
 
-    def about(self, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> StackNear:
-        """Return the model near some points of the coordinates."""
-        return StackNear(self, coordinates, points)
+    def about(
+        self, coordinates: Sequence[Coordinate], points: Sequence[Vector], *, kept: int = 20_000_000
+    ) -> StackNear:
+        """Return the model near some points of the coordinates; the last ones, of `kept` numbers in all, are kept."""
+        key = tuple((c.name, c.step, c.starts) for c in coordinates), tuple(x.tobytes() for x in points)
+        near = self._near.pop(key, None) or StackNear(self, coordinates, points)
+        self._near[key] = near  # the last one is the newest
+        while sum(one.n_number for one in self._near.values()) > kept and len(self._near) > 1:
+            del self._near[next(iter(self._near))]
+        return near
 
     def finer_mesh(self, theta: Mapping[str, float]) -> tuple[Vector | None, Vector]:
         """Return what a finer mesh adds to the stiffness between the modes of the plain stack, and M times these.

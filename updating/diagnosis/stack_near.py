@@ -120,7 +120,7 @@ class StackNear:
     ) -> None:
         """Choose the basis: modes at every point, and responses of the lowest to each coordinate that moves."""
         whole, blocks, n_basis = self.whole, list[Vector](), self.n_equation + N_FURTHER
-        of = list[str]()  # the coordinate of each vector
+        of, number = list[str](), list[int]()  # the coordinate of each vector, and the mode
         reference, n_state = None, len(whole.measured)
         self._whole_matrices: list[dict[str, Vector]] = []
         self.mesh: list[Vector | None] = []
@@ -147,6 +147,7 @@ class StackNear:
             size = np.sqrt(np.maximum(value, floor))
             blocks.append(vector[:, :n_basis] * (30.0 / size[:n_basis]))
             of += [MODES] * n_basis
+            number += range(n_basis)
             low, beyond = vector[:, : self.n_equation], vector[:, n_basis:]
             lam = np.maximum(value[: self.n_equation], floor)
             below = value[n_basis:, None] - lam
@@ -184,6 +185,7 @@ class StackNear:
                 forces = np.hstack([image * (small / np.sqrt(lam)) for _, image, small in answering])
                 blocks.append(beyond @ ((beyond.T @ forces) / np.tile(below, len(answering))))
                 of += [name for name, *_ in answering for _ in lam]
+                number += [*range(lam.size)] * len(answering)
             if c < n_state:
                 finer, inertia = whole.finer_mesh(theta)
                 self.mesh.append(finer)
@@ -198,6 +200,7 @@ class StackNear:
             vectors=vectors,
             within=self.basis.T @ first_mass,
             of=np.array(of),
+            number=np.array(number),
             energy=la.cholesky(held.T @ held, lower=True),
         )
 
@@ -260,6 +263,11 @@ class StackNear:
         self.rows = [measured.rows @ self.basis for measured in self.whole.measured]
         self.slopes = [measured.slope @ self.basis for measured in self.whole.measured]
 
+    @property
+    def n_number(self) -> int:
+        """How many numbers the matrices of the terms and of the states hold."""
+        return sum(m.size for of in (self.stacked, self.fixed, self.linear) for m in of.values())
+
     def of(self, coordinates: Sequence[Coordinate]) -> StackNear:
         """Return the same for some of the coordinates, on as much smaller a basis; the others stay where neutral."""
         part = copy.copy(self)
@@ -281,7 +289,7 @@ class StackNear:
         part.fixed, part.linear = fixed, {t: m[:, kept] for t, m in self.linear.items()}
         part._stack([p for p in there if p.names & moving])
         if self._responses is not None:
-            part._project(self._responses.basis(coordinates, self.first))
+            part._project(self._responses.basis(coordinates, self.first, part.n_equation))
         return part
 
     def _project(self, basis: Vector) -> None:

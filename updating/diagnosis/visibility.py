@@ -64,21 +64,29 @@ def visibility(
     point = np.array([have.get(c.name, 0.0) for c in coordinates])
     local = model.about(coordinates, [point])
     seen: dict[str, dict[str, Visible]] = {}
-    for shift in range(max((len(c.starts) for c in coordinates), default=1)):
-        at = point.copy()
+    placed = [
+        t for t in further if any(len(c.starts) > 2 and c.name not in have for c in t.coordinates)
+    ]  # what they do depends on where they are
+    asked, near = further, local
+    for shift in range(max((len(c.starts) for t in placed for c in t.coordinates), default=1)):
+        if shift == 1:
+            asked, coordinates = placed, coordinates_of(model, [*terms, *placed])
+            near = local.of(coordinates)
+        at = np.array([have.get(c.name, 0.0) for c in coordinates])
         for i, c in enumerate(coordinates):
             if c.name not in have and len(c.starts) > 2:
                 at[i] = c.starts[shift % len(c.starts)]
         problem = joined(
-            errors_at(model, local, replace(search.setting, apart=explanation.apart), at),
+            errors_at(model, near, replace(search.setting, apart=explanation.apart), at),
             search.setting.common,
         )
         mean, std = information(
             problem, at, coordinates, explanation.evidence.sizes, [c.name in have for c in coordinates]
         )
-        for term in further:
+        index = {c.name: i for i, c in enumerate(coordinates)}
+        for term in asked:
             for c in term.coordinates:
-                i = [k.name for k in coordinates].index(c.name)
+                i = index[c.name]
                 reach = max(abs(c.lower), abs(c.upper)) / float(std[i])
                 new = Visible(estimate=float(mean[i]), std=float(std[i]), reach=reach)
                 old = seen.setdefault(term.name, {}).get(c.name)

@@ -12,6 +12,7 @@ import contextlib
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -40,22 +41,18 @@ class _Origin:
     log: float
 
 
-def _origin(model: Model, setting: Setting, local: LocalModel, x: Vector, sizes: Sizes) -> _Origin | None:
-    """Put the measured modes into the model at a point; None where the model has no matrices of changes there."""
-    screens = [local.screen(x, c) for c in range(len(model.states))]
-    if any(screen is None for screen in screens):
-        return None
-    known = tuple(screen for screen in screens if screen is not None)
+def _origin(model: Model, setting: Setting, screens: tuple[Screen, ...], x: Vector, sizes: Sizes) -> _Origin:
+    """Put the measured modes into the model at a point."""
     errors = tuple(
         equation_errors(
             state, screen.modal, setting.noise[c], x.size, [r for d, r in setting.apart if d == c]
         )
-        for c, (state, screen) in enumerate(zip(model.states, known, strict=True))
+        for c, (state, screen) in enumerate(zip(model.states, screens, strict=True))
     )
     problem = joined(errors, setting.common)
     factors = roots(problem, sizes)
     value, jacobian, log = whitened(problem, sizes, factors)
-    return _Origin(x, known, errors, problem, factors, value, jacobian, log - problem.log_map)
+    return _Origin(x, screens, errors, problem, factors, value, jacobian, log - problem.log_map)
 
 
 def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tuple[Vector, Vector]:
@@ -102,7 +99,7 @@ def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tupl
 
 def screened(
     model: Model,
-    setting: Setting,
+    settings: Sequence[Setting],
     present: Sequence[Term],
     further: Sequence[Term],
     origins: Sequence[Mapping[str, float]],
@@ -114,15 +111,17 @@ def screened(
     carried: int = 2,
     steps: int = 5,
     weak: float = 0.1,
-) -> dict[str, tuple[float, Vector, LocalModel]]:
-    """Return the negative cost that a few steps with each further term reach, and where they end.
+) -> list[dict[str, tuple[float, Vector, LocalModel]]]:
+    """Return the negative cost that a few steps with each further term reach, and where they end, by setting.
 
     The third value is the model that has the term's coordinates alone.
 
     Parameters
     ----------
-    model, setting, local, sizes
+    model, local, sizes
         As `explain` takes them; `local` has the coordinates of all terms.
+    settings : sequence of Setting
+        What fits may begin with, which differ in the modes that they set apart.
     present, further : sequence of Term
         Terms of the explanation, and those of which each is added alone.
     origins : sequence of mapping of str to float
@@ -138,51 +137,62 @@ def screened(
     """
     coordinates = coordinates_of(model, [*present, *further])
     index = {c.name: i for i, c in enumerate(coordinates)}
-    points = [np.array([values_of.get(c.name, 0.0) for c in coordinates]) for values_of in origins]
-    at: list[tuple[Vector, _Origin | None]] = []
-    for x in points:
+    at: list[tuple[Vector, list[_Origin | None]]] = []
+    for values_of in origins:
+        x = np.array([values_of.get(c.name, 0.0) for c in coordinates])
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-            at.append((x, _origin(model, setting, local, x, sizes)))
+            screens = [local.screen(x, c) for c in range(len(model.states))]
+            known = tuple(screen for screen in screens if screen is not None)
+            whole = len(known) == len(screens)
+            at.append((x, [_origin(model, s, known, x, sizes) if whole else None for s in settings]))
     if not at:
-        return {}
-    # What a step is expected to reach, its origin, and its start, by term.
-    first: dict[str, list[tuple[float, int, Vector]]] = {}
+        return [{} for _ in settings]
+    # By setting and term: what a step is expected to reach, its origin, and its start.
+    first: list[dict[str, list[tuple[float, int, Vector]]]] = [{} for _ in settings]
     for term in further:
         together = coordinates_of(model, [*present, term])
         columns = np.array([index[c.name] for c in together])
         new = [c for c in together if c.name not in origins[0]]
         trials = list(itertools.product(*(c.starts for c in new)))
         trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in values) for values in trials if new]
-        for values, (o, (x, origin)) in itertools.product(trials, enumerate(at)):
+        for values, (o, (x, of_setting)) in itertools.product(trials, enumerate(at)):
             start = x.copy()
             start[[index[c.name] for c in new]] = values
-            expected = None if origin is None else _expected(model, origin, start, columns, together)
-            trial = np.inf if expected is None else expected, o, start[columns]
-            first.setdefault(term.name, []).append(trial)
-    by_name, reached = {term.name: term for term in further}, dict[str, tuple[float, Vector, LocalModel]]()
-    for rank, name in enumerate(
-        sorted(first, key=lambda name: -max(expected for expected, *_ in first[name]))
-    ):
-        starts = sorted(first[name], key=lambda trial: -trial[0])
-        known = np.isfinite(starts[0][0])
-        if rank >= asked and known:
-            break
-        together = coordinates_of(model, [*present, by_name[name]])
-        placed = [i for i, c in enumerate(together) if c.name not in origins[0] and len(c.starts) > 2]
-        terms, near = [*present, by_name[name]], local.of(together)
-        tried = list[tuple[float, int, Vector]]()
-        for _, number, start in _best_starts(starts, placed, starts_each) if known else starts:
-            with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                tried.append((outlook(model, terms, setting, start, near, sizes)[0], number, start))
-        tried.sort(key=lambda trial: -trial[0])
-        of_origin = {number: i for i, (_, number, _) in reversed(list(enumerate(tried)))}
-        ends = [
-            descended(model, terms, setting, tried[i][2], near, sizes, steps=steps)
-            for i in sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
-        ]
-        if ends:
-            reached[name] = *max(ends, key=lambda end: end[0]), near
-    return reached
+            expected = _expected(model, of_setting, start, columns, together)
+            for by_term, reaches in zip(first, expected, strict=True):
+                by_term.setdefault(term.name, []).append((reaches, o, start[columns]))
+
+    def reached(setting: Setting, of_term: Mapping[str, list[tuple[float, int, Vector]]]) -> dict[str, Any]:
+        ends_of = dict[str, tuple[float, Vector, LocalModel]]()
+        by_name = {term.name: term for term in further}
+        for rank, name in enumerate(
+            sorted(of_term, key=lambda name: -max(expected for expected, *_ in of_term[name]))
+        ):
+            starts = sorted(of_term[name], key=lambda trial: -trial[0])
+            known = np.isfinite(starts[0][0])
+            if rank >= asked and known:
+                break
+            together = coordinates_of(model, [*present, by_name[name]])
+            placed = [i for i, c in enumerate(together) if c.name not in origins[0] and len(c.starts) > 2]
+            if name not in nears:
+                nears[name] = local.of(together)
+            terms, near = [*present, by_name[name]], nears[name]
+            tried = list[tuple[float, int, Vector]]()
+            for _, number, start in _best_starts(starts, placed, starts_each) if known else starts:
+                with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+                    tried.append((outlook(model, terms, setting, start, near, sizes)[0], number, start))
+            tried.sort(key=lambda trial: -trial[0])
+            of_origin = {number: i for i, (_, number, _) in reversed(list(enumerate(tried)))}
+            ends = [
+                descended(model, terms, setting, tried[i][2], near, sizes, steps=steps)
+                for i in sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
+            ]
+            if ends:
+                ends_of[name] = *max(ends, key=lambda end: end[0]), near
+        return ends_of
+
+    nears = dict[str, LocalModel]()
+    return [reached(setting, of_term) for setting, of_term in zip(settings, first, strict=True)]
 
 
 def _best_starts(
@@ -202,33 +212,53 @@ def _best_starts(
 
 
 def _expected(
-    model: Model, origin: _Origin, start: Vector, columns: NDArray[np.intp], coordinates: Sequence[Coordinate]
-) -> float | None:
-    """Return the negative cost that one step from a start is expected to reach; None where no change is known."""
-    value, jacobian = origin.value, origin.jacobian[:, columns]
-    if np.any(start != origin.x):
-        parts = []
-        for state, errors, screen in zip(model.states, origin.errors, origin.screens, strict=True):
+    model: Model,
+    origins: Sequence[_Origin | None],
+    start: Vector,
+    columns: NDArray[np.intp],
+    coordinates: Sequence[Coordinate],
+) -> list[float]:
+    """Return the negative cost that one step from a start is expected to reach, by the settings of one origin.
+
+    It is infinite where no change is known: there the model itself is to be asked.
+    """
+    known = [origin for origin in origins if origin is not None]
+    if not known:
+        return [np.inf] * len(origins)
+    changes = list[Change]()
+    if np.any(start != known[0].x):
+        for screen in known[0].screens:
             change = screen.change(start)
             if change is None:
-                return None
-            parts.append((change.moved, *_changed(state, errors, screen.modal, change)))
-        moved = parts[0][0]
-        stiffness = np.vstack([part[1] for part in parts])
-        damped = np.isfinite(np.concatenate([part.damping for part in origin.errors]))
-        damping = np.vstack([part[2] for part in parts])[damped]
-        change_white = np.vstack(
-            [
-                la.solve_triangular(root, part, lower=True, check_finite=False)
-                for root, part in zip(origin.roots, (stiffness, damping), strict=True)
-            ]
-        )
-        value = value + change_white[:, 0]
-        jacobian[:, [columns.tolist().index(i) for i in moved.tolist()]] = change_white[:, 1:]
+                return [np.inf] * len(origins)
+            changes.append(change)
     x = start[columns]
     precision = np.array([c.std**-2.0 for c in coordinates])
-    slope = jacobian.T @ value + precision * x
-    hessian = jacobian.T @ jacobian + np.diag(precision) + origin.problem.curvature[np.ix_(columns, columns)]
-    step = step_within(slope, hessian, x, coordinates) - x
-    total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log
-    return -total - float(slope @ step + 0.5 * step @ hessian @ step)
+    reached = []
+    for origin in known:
+        value, jacobian = origin.value, origin.jacobian[:, columns]
+        if changes:
+            parts = [
+                _changed(state, errors, screen.modal, change)
+                for state, errors, screen, change in zip(
+                    model.states, origin.errors, origin.screens, changes, strict=True
+                )
+            ]
+            damped = np.isfinite(np.concatenate([errors.damping for errors in origin.errors]))
+            stiffness = np.vstack([part[0] for part in parts])
+            damping = np.vstack([part[1] for part in parts])[damped]
+            white = np.vstack(
+                [
+                    la.solve_triangular(root, part, lower=True, check_finite=False)
+                    for root, part in zip(origin.roots, (stiffness, damping), strict=True)
+                ]
+            )
+            value = value + white[:, 0]
+            jacobian[:, [columns.tolist().index(i) for i in changes[0].moved.tolist()]] = white[:, 1:]
+        slope = jacobian.T @ value + precision * x
+        hessian = jacobian.T @ jacobian + np.diag(precision)
+        hessian += origin.problem.curvature[np.ix_(columns, columns)]
+        step = step_within(slope, hessian, x, coordinates) - x
+        total = 0.5 * float(value @ value + np.sum(precision * x**2)) + origin.log
+        reached.append(-total - float(slope @ step + 0.5 * step @ hessian @ step))
+    return reached

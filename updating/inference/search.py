@@ -369,9 +369,10 @@ def extended(
         coordinates, [np.array([origin.get(c.name, 0.0) for c in coordinates]) for origin in origins]
     )
     fits = dict[str, Explanation]()
-    for apart in dict.fromkeys((at.apart, frozenset[tuple[int, int]]())):
-        common, sizes = replace(common, apart=apart), at.evidence.sizes
-        expected = screened(model, common, present, further, origins, local, sizes)
+    sizes, none = at.evidence.sizes, frozenset[tuple[int, int]]()
+    settings = [replace(common, apart=apart) for apart in dict.fromkeys((at.apart, none))]
+    reached = screened(model, settings, present, further, origins, local, sizes)
+    for common, expected in zip(settings, reached, strict=True):
         now = outlook(model, present, common, at.x, local.of(at.coordinates), sizes)[0]
         for i, name in enumerate(sorted(expected, key=lambda n: -expected[n][0])[:last]):
             if i >= least and expected[name][0] < now + gain:
