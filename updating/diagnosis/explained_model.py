@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ema.types.modal_model import ModalModel
 from ema.types.threads import single_threaded
-from model import Effect, Stack, observe, reduce, solve_modes
+from model import Effect, Stack, observe, solve_modes
 from updating.correlation.pairing import pair
 from updating.correlation.registration import register
 from updating.correlation.rig_check import RigCheck
@@ -19,7 +19,7 @@ from updating.diagnosis.answer import Ranked
 from updating.diagnosis.candidates import DIMENSIONS
 from updating.diagnosis.evidence import D_F_START
 from updating.errors import FitError
-from updating.fitting.fit import Fit, frequency_error, kept_estimate, opt_d, opt_G
+from updating.fitting.fit import Fit, frequency_error, kept_estimate, opt_d, opt_G, reduced_about
 
 _CLAMP = re.compile(r"clamp_(\d+)_([xy])")
 
@@ -97,7 +97,7 @@ def explained_model(
     """
     n_mode = 22  # that are solved for pairing, rigid-body modes included
     registration = register(stack, measured.geometry, measured.node, measured.direction)
-    system, contact = reduce(stack, n_snapshot=1, n_mode=n_mode), stack.contact
+    system, contact = reduced_about(stack, n_mode), stack.contact
     observed = observe(system, registration.observation)
     modes = solve_modes(
         system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observed, by=()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -264,6 +265,20 @@ def fit(
         error=frequency_error(measured.frequency[pairing.measured], modes.frequency[pairing.model]),
         rig=rig,
     )
+
+
+@lru_cache(maxsize=4)
+def reduced_about(stack: Stack, n_mode: int) -> ReducedSystem:
+    """Reduce a fitted stack about its contact, once for all that is shown of it.
+
+    Parameters
+    ----------
+    stack : Stack
+        With the fitted contact.
+    n_mode : int
+        Modes that are exact there, the six rigid-body modes included.
+    """
+    return reduce(stack, n_snapshot=1, n_mode=n_mode)  # in the middle of the range, at the fitted G_f
 
 
 def _paired(measured: ModalModel, modes: Modes, threshold: float) -> Pairing:

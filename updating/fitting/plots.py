@@ -14,10 +14,10 @@ from ema.types.frf import Quantity
 from ema.types.geometry import Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from lamella_shared import arrays
-from model import frf, reduce, solve_modes
+from model import frf, solve_modes
 from updating.correlation.criteria import rotate_onto
 from updating.correlation.registration import register
-from updating.fitting.fit import Fit, ModelFit
+from updating.fitting.fit import Fit, ModelFit, reduced_about
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,7 @@ def fitted_frf(
         register(fit.stack, geometry, dofs.node, dofs.direction).observation for dofs in (output, input)
     )
     n_mode = 6 + fit.modes.frequency.size
-    system = reduce(fit.stack, n_snapshot=1, n_mode=n_mode)  # in the middle of the range, at the fitted G_f
+    system = reduced_about(fit.stack, n_mode)
     G_f, d_f = fit.G_f.value, fit.d_f.value
     plain = solve_modes(system, G_f=G_f, d_f=d_f, n_mode=n_mode, observation=responses, by=()).elastic()
     n = min(plain.frequency.size, fit.modes.frequency.size)

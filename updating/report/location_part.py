@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.plot import palette
-from model import catalogue, reduce
+from model import catalogue
 from model.stack.effect import Family
 from updating.correlation.localization import ENERGY_KINDS, ErrorMap, map_error, regions, stiffness_index
 from updating.correlation.plots import LEAST_SCALE, error_map_picture
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis
-from updating.fitting.fit import Fit
+from updating.fitting.fit import Fit, reduced_about
 from updating.report.chart import Chart, single
 from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
 from updating.report.results import Tested
@@ -76,8 +76,7 @@ def _size(errors: ErrorMap) -> float:
 def error_map(tested: Tested, fit: Fit) -> ErrorMap:
     """Map the error of the fitted model against the lowest paired modes."""
     most_modes = 6  # the lowest half a dozen locate best
-    value = fit.G_f.value
-    system = reduce(fit.stack, G_f_range=(value, 1.01 * value), n_snapshot=1)
+    system = reduced_about(fit.stack, 6 + fit.modes.frequency.size)
     measured = tested.measured
     registration = register(fit.stack, measured.geometry, measured.node, measured.direction)
     return map_error(
@@ -85,7 +84,7 @@ def error_map(tested: Tested, fit: Fit) -> ErrorMap:
         measured,
         registration.observation,
         regions(fit.stack),
-        G_f=value,
+        G_f=fit.G_f.value,
         modes=fit.pairing.measured[:most_modes],
     )
 
