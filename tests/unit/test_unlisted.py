@@ -27,10 +27,10 @@ def of_base(given):
 
 
 def test_a_change_that_no_term_describes_raises_the_evidence_and_nothing_does_not():
-    _, common, base = of_base(with_mass(22, 1.0))
-    assert unlisted_gain(base, common.priors) > 10.0
-    _, common, base = of_base(states(0.0))
-    assert unlisted_gain(base, common.priors) < 0.0
+    model, common, base = of_base(with_mass(22, 1.0))
+    assert unlisted_gain(base, common, model.states) > 10.0
+    model, common, base = of_base(states(0.0))
+    assert unlisted_gain(base, common, model.states) < 0.0
 
 
 def test_what_only_resembles_the_hidden_is_not_named(monkeypatch):
@@ -63,13 +63,13 @@ def test_the_right_term_beats_the_rival_and_leaves_nothing_to_it():
     decision = decide(found)
     assert (decision.verdict, decision.unlisted) == ("identified", None)
     assert found.odds(found.chosen) > found.odds_unlisted(found.base, ["spot"])
-    assert unlisted_gain(found.chosen, found.setting.priors) < 1.0
+    assert unlisted_gain(found.chosen, found.setting, found.measured) < 1.0
 
 
 def test_a_rival_in_states_that_do_not_differ_from_the_model_gains_nothing():
     given = (*states(0.0)[:1], *with_mass(22, 1.0)[1:])
-    _, common, base = of_base(given)
-    both, one, other = (unlisted_gain(base, common.priors, among) for among in (None, [1], [0]))
+    model, common, base = of_base(given)
+    both, one, other = (unlisted_gain(base, common, model.states, among) for among in (None, [1], [0]))
     assert one > both
     assert one > other + 3.0
 

@@ -36,7 +36,7 @@ from updating.inference.levels import (
     RISES,
     SEPARATE,
 )
-from updating.inference.protocol import Model, Term
+from updating.inference.protocol import Model, State, Term
 from updating.inference.robust_start import robust_start
 from updating.inference.screen import screened
 from updating.inference.unlisted import unlisted_gain
@@ -75,6 +75,8 @@ class Search:
     ----------
     setting : Setting
         What all fits share.
+    measured : sequence of State
+        The measured states.
     priors : mapping of str to float
         Logarithms of the prior probabilities of the terms.
     freed : frozenset of str
@@ -90,6 +92,7 @@ class Search:
     """
 
     setting: Setting
+    measured: Sequence[State]
     priors: Mapping[str, float]
     freed: frozenset[str]
     fitted: Mapping[frozenset[str], Explanation]
@@ -116,7 +119,7 @@ class Search:
         """
         key = id(explanation), self._changed(changed)
         if key not in self._gains:
-            self._gains[key] = unlisted_gain(explanation, self.setting.priors, key[1])
+            self._gains[key] = unlisted_gain(explanation, self.setting, self.measured, key[1])
         return self.odds(explanation) + self._gains[key] + math.log(MISSING)
 
     def helps(self, new: Explanation, old: Explanation) -> bool:
@@ -252,6 +255,7 @@ def search(
     fitted: dict[frozenset[str], Explanation] = {frozenset(): base}
     among = Search(
         setting=common,
+        measured=model.states,
         priors={name: alike if t.log_prior is None else t.log_prior for name, t in terms.items()},
         freed=frozenset(name for term in terms.values() for name in term.frees),
         fitted=fitted,

@@ -9,6 +9,7 @@ of what is missing, not its form: naming it would be wrong.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -18,9 +19,11 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from updating.inference.discrepancy import SizePrior, Sizes, roots, rotation, whitened
+from updating.inference.beside import Beside
+from updating.inference.discrepancy import Sizes, roots, rotation, whitened
 from updating.inference.equation_error import Errors
-from updating.inference.explain import Explanation
+from updating.inference.explain import Explanation, Setting
+from updating.inference.protocol import State
 from updating.inference.tree import TreeProblem
 
 Vector = NDArray[np.float64]
@@ -74,7 +77,8 @@ class _Eliminated:
 
 def unlisted_gain(
     explanation: Explanation,
-    priors: tuple[SizePrior, SizePrior],
+    setting: Setting,
+    measured: Sequence[State],
     states: Collection[int] | None = None,
     *,
     strengths: Sequence[float] = (0.2, 0.06, 0.02),
@@ -83,15 +87,19 @@ def unlisted_gain(
 ) -> float:
     """Return the logarithm of the factor by which something unlisted beside an explanation raises its evidence.
 
-    Coordinates of the fit are eliminated (errors are linear in them about the explanation), the direction is found by
-    Gauss and Newton's method and integrated by Laplace's, sizes of the discrepancy and of the direction on grids.
+    First, coordinates of the fit are eliminated (errors are linear in them about the explanation), the direction is
+    found by Gauss and Newton's method and integrated by Laplace's, sizes of the discrepancy and of the direction on
+    grids. Far from the measurement, errors that are linear promise too much: the evidence is that of the best of these
+    directions, fitted as any term is (`Beside`).
 
     Parameters
     ----------
     explanation : Explanation
         A fit; of many specimens, minus infinity is returned: nothing unlisted is looked for there.
-    priors : (SizePrior, SizePrior)
-        Of the sizes of the discrepancy.
+    setting : Setting
+        What all fits share.
+    measured : sequence of State
+        The measured states.
     states : collection of int, optional
         Those that the unlisted may change; all by default.
     strengths : sequence of float
@@ -102,7 +110,7 @@ def unlisted_gain(
     lowest : float
         Smallest size of the discrepancy that is looked at, relative to that without the unlisted.
     """
-    problem, sizes = explanation.problem, explanation.evidence.sizes
+    problem, sizes, priors = explanation.problem, explanation.evidence.sizes, setting.priors
     if isinstance(problem, TreeProblem):
         return -np.inf
     grid = priors[0].grid
@@ -112,11 +120,11 @@ def unlisted_gain(
         (_eliminated(explanation, Sizes(stiffness=float(size), damping=sizes.damping), beside), log)
         for size, log in zip(grid[near], priors[0].log_density[near], strict=True)
     ]
-    without = logsumexp([log + e.log - e.cost(np.zeros(e.value.size))[0] for e, log in likely])
     pull = la.cho_solve((roots(problem, sizes)[0], True), problem.value)
-    logs = []
+    logs, ends = list[float](), list[tuple[float, Beside, Vector, float]]()
     for of_mass, sign in itertools.product((False, True), (1.0, -1.0)):
         change = _change(problem.errors, states, of_mass, sign)
+        model = Beside(explanation, measured, of_mass, sign, states)
         by_start = []
         for at in _directions(sizes.stiffness**2 * pull, change, n_start):
             direction, of_start = at, []
@@ -124,9 +132,14 @@ def unlisted_gain(
                 for strength in strengths:
                     integral, direction = _integrated(e, change, direction, strength)
                     of_start.append(log + e.log + integral)
+                    ends.append((of_start[-1], model, direction, strength))
             by_start.append(of_start)
         logs += np.max(by_start, axis=0).tolist()
-    return float(logsumexp(logs) - np.log(4.0 * len(strengths)) - without)
+    others = float(logsumexp(logs) - np.max(logs) - np.log(4.0 * len(strengths)))
+    for _, model, direction, strength in sorted(ends, key=lambda end: -end[0]):
+        with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+            return model.fitted(setting, direction, strength) + others
+    return -np.inf
 
 
 def _eliminated(explanation: Explanation, sizes: Sizes, beside: Vector) -> _Eliminated:

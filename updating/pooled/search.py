@@ -155,7 +155,9 @@ def fit_terms(base_fit: BaseFit, names: Sequence[str]) -> PooledSearch:
     base = explain(model, [], common, base_fit.base.x)
     priors = {name: term.log_prior or 0.0 for name, term in model.terms.items()}
     fitted = {frozenset[str](): base} | ({frozenset(best.terms): best} if best.terms else {})
-    return PooledSearch(model, Search(common, priors, frozenset(), fitted, best if best.terms else base), {})
+    return PooledSearch(
+        model, Search(common, model.states, priors, frozenset(), fitted, best if best.terms else base), {}
+    )
 
 
 def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[Vector, Setting]:
