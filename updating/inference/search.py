@@ -266,12 +266,10 @@ def search(
 
     def extend(at: Explanation) -> None:
         fits = (extend_by or extended)(model, common, at, starts)
-        for i, explanation in enumerate(fits[:in_full]):
-            near = fits[0].log_evidence - explanation.log_evidence < behind
-            if near and frozenset(explanation.terms) not in fitted:
-                may_matter = i < likeliest or odds(explanation) - odds(at) > -behind / 4.0
-                refit = _refitted(model, common, explanation) if may_matter else explanation
-                fitted[frozenset(explanation.terms)] = refit
+        for i, fit in enumerate(fits[:in_full]):
+            if fits[0].log_evidence - fit.log_evidence < behind and frozenset(fit.terms) not in fitted:
+                may_matter = i < likeliest or odds(fit) - odds(at) > -behind / 4.0
+                fitted[frozenset(fit.terms)] = _refitted(model, common, fit) if may_matter else fit
         best = " + ".join(max(fitted.values(), key=odds).terms) or "no effect"
         say(f"{len(fitted)} explanations fitted, most probable so far: {best}")
 
