@@ -5,6 +5,7 @@ import pytest
 
 from tests.unit.test_inference import TERM, matrices, measured
 from tests.unit.test_inference_search import SHARES, Choice, searched, states
+from updating.inference.beside import Beside
 from updating.inference.decide import decide
 from updating.inference.search import Search, begin, search
 from updating.inference.unlisted import _change, unlisted_gain
@@ -64,6 +65,27 @@ def test_the_right_term_beats_the_rival_and_leaves_nothing_to_it():
     assert (decision.verdict, decision.unlisted) == ("identified", None)
     assert found.odds(found.chosen) > found.odds_unlisted(found.base, ["spot"])
     assert unlisted_gain(found.chosen, found.setting, found.measured) < 1.0
+
+
+def test_the_rival_of_a_strong_change_in_one_direction_fits_it_nearly_as_well():
+    """Errors that are linear in the direction gave it 52 where the right term has 36,304."""
+    found = searched(0.4, (TERM,))
+    behind = found.odds(found.chosen) - found.odds_unlisted(found.base, ["spot"])
+    assert 4.0 < behind < 100.0
+
+
+@pytest.mark.parametrize("of_mass", [False, True])
+def test_derivatives_of_a_model_with_a_change_beside_it_are_those_of_differences(of_mass):
+    model, _, base = of_base(states(0.2))
+    beside = Beside(base, model.states, of_mass, -1.0)
+    n, m = base.x.size, base.errors[1].value.shape[1]
+    draw = np.random.default_rng(4)
+    x = np.concatenate([base.x + 1e-3, 0.05 * draw.standard_normal(m)])
+    step = 1e-6 * draw.standard_normal(n + m)
+    before, here, after = (beside.modal(at, 1) for at in (x - step, x, x + step))
+    by_step = np.einsum("q,qss->s", step[here.moves], here.stiffness)
+    by_step -= here.eigenvalue * np.einsum("q,qss->s", step[here.moves], here.mass)
+    np.testing.assert_allclose((after.eigenvalue - before.eigenvalue) / 2.0, by_step, rtol=1e-4)
 
 
 def test_a_rival_in_states_that_do_not_differ_from_the_model_gains_nothing():
