@@ -32,6 +32,8 @@ DOMINANT = 3.0
 MIN_COLLINEARITY, MIN_REALNESS = 0.9, 0.5
 """Least phase collinearity of the residues of a pole that does not dominate, and least share of its modal constants
 along the real axis, where real modes have them."""
+IN_PHASE = 0.8
+"""Collinearity from which on points move alike, however turned against the force."""
 SPLIT_DISTANCE = 2.0
 """Sums of half bandwidths within which two poles may be one mode."""
 LEAST_SHARE, LEAST_ALONE = 0.1, 0.01
@@ -506,10 +508,10 @@ def objections(
     far = gain > far_from_noise * threshold
     correlated = threshold * inflation(extended.whitened())
     if gain < correlated:
-        reason = (
-            f"the likelihood rises by {0.5 * gain:.3g} of the {0.5 * correlated:.3g} that noise may bring"
+        brought = f"the {0.5 * correlated:.3g} that noise may bring"
+        yield Refusal(
+            f"the likelihood rises by {0.5 * gain:.3g} of {brought}", LEAST_ALONE if far else np.inf
         )
-        yield Refusal(reason, LEAST_ALONE if far else np.inf)
     if verdicts.statistic[-1] < verdicts.threshold:
         # Where both the summed power and the likelihood stand out of the noise, each function need not.
         yield Refusal(
@@ -519,13 +521,13 @@ def objections(
     if apart[-1] > spacing * max(2.0 * peak.half_width, 1.0):
         yield Refusal("no pole of the fit comes to rest there")
     alike = collinearity >= rough[0] and realness >= rough[1]
-    if -new.real > resolved_lines * spacing and left < LEAST_SHARE:
-        alike = alike or collinearity >= rough[0]
+    alike |= -new.real > resolved_lines * spacing and left < LEAST_SHARE and collinearity >= rough[0]
     # Rough phases do where the peak is clear: seen in many functions, beside no other pole.
     old, clear = extended.pole[:-1], n_function >= many_functions and (peak.visible or peak.share > LISTED)
     alone = clear and bool(np.all(np.abs(old - new) > -SPLIT_DISTANCE * (old.real + new.real)))
     modal = collinearity >= MIN_COLLINEARITY and realness >= MIN_REALNESS
-    if n_function >= MANY_FUNCTIONS and not (modal or (alike and alone)):
+    phased = modal or (alike and alone) or (clear and _alike_on_flanks(around, extended))
+    if n_function >= MANY_FUNCTIONS and not phased:
         yield Refusal(_of_phases(extended.residue[:, -1], new, collinearity))
     if not inside(extended.pole, band)[-1]:
         yield Refusal("its bandwidth reaches beyond the band")
@@ -552,12 +554,10 @@ def is_unresolved(
     return np.asarray(-np.asarray(pole).real < narrowest * spacing)
 
 
-def _of_phases(
-    residue: NDArray[np.complex128], pole: complex, collinearity: float, *, in_phase: float = 0.8
-) -> str:
+def _of_phases(residue: NDArray[np.complex128], pole: complex, collinearity: float) -> str:
     """Say what is wrong with the phases of residues: against each other, or all together against the force."""
     reason = "its residues have not the phases of a mode"
-    if collinearity < in_phase:
+    if collinearity < IN_PHASE:
         return reason
     constant = 2j * pole.imag * residue
     angle = float(np.degrees(abs(np.angle(np.sum(constant**2)) / 2.0)))
@@ -566,9 +566,17 @@ def _of_phases(
 
 def least_listed(peak: Peak, share: float) -> float:
     """Share from which on a peak is listed whose power must have been left by so much, when it was tried or is now."""
-    if not peak.visible:
-        return np.inf
-    return LEAST_ALONE if peak.share > share else share
+    of_visible = LEAST_ALONE if peak.share > share else share
+    return of_visible if peak.visible else np.inf
+
+
+def _alike_on_flanks(around: Surroundings, extended: Fit) -> bool:
+    """Whether points move alike in the last pole where lines weigh by the misfit, as the flanks of a peak then do."""
+    lines = (
+        around.target
+    )  # a record that ends before its resonance spoils the phases of the peak's own lines alone
+    judged = judge(lines.frequency, lines.weigh_by_misfit(extended), lines.quantity)
+    return bool(judged.collinearity[-1] >= IN_PHASE)
 
 
 def _is_double(fit: Fit, spacing: float, *, leakage: float = 2.5) -> bool:

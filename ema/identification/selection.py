@@ -274,7 +274,9 @@ def take_in_peaks(
             start = _starting_poles(data, peak, candidates)
             answer = try_peak(data, fit, peak, start, band)
             if isinstance(answer, Refusal):
-                others = _poles_beside(data, fit, peak, candidates)
+                others = np.append(
+                    _poles_beside(data, fit, peak, candidates), _flanks_beside(data, fit, peak)
+                )
                 again = try_peak(data, fit, peak, start, band, others) if others.size else answer
                 answer = answer if isinstance(again, Refusal) else again
             if isinstance(answer, Refusal):
@@ -329,6 +331,15 @@ def _poles_beside(
         and not holds_pole(data, fit, other)
     ]
     return np.array(others, dtype=complex)
+
+
+def _flanks_beside(data: Functions, fit: Fit, peak: Peak) -> NDArray[np.complex128]:
+    """Poles beyond the ends of the band that a peak is near: else its own pole goes to the flank of a mode there."""
+    end = data.frequency[[0, -1]]
+    near = _reach(peak) * (data.frequency[1] - data.frequency[0]) >= np.abs(end - peak.frequency)
+    flanks = _flanks(fit, (float(end[0]), float(end[1])))
+    below = flanks.imag < 2.0 * np.pi * end[0]
+    return np.concatenate([flanks[below & near[0]], flanks[~below & near[1]]])
 
 
 def try_peak(

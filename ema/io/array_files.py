@@ -126,9 +126,9 @@ class CutOffError(ValueError):
 def channels_in(path: Path) -> Iterator[dict[str, Channel]]:
     """Open a TDMS file and give its channels of numbers, ``group/channel``, and their properties that are numbers.
 
-    Properties are named ``group/channel@wf_increment``, as attributes of HDF5 are. Of a file that is cut off, groups
-    that are whole are given; where none is, channels are given as far as the shortest of their group goes. Whatever
-    npTDMS raises of a damaged file is raised.
+    Properties are named ``group/channel@wf_increment``, as attributes of HDF5 are; dates are in seconds. Of a file that
+    is cut off, groups that are whole are given; where none is, channels are given as far as the shortest of their group
+    goes. Whatever npTDMS raises of a damaged file is raised.
 
     Raises
     ------
@@ -155,6 +155,8 @@ def channels_in(path: Path) -> Iterator[dict[str, Channel]]:
                     unit = channel.properties.get("unit_string", "")
                     arrays[name] = (n,), partial(_values, channel, n), str(unit)
                 for key, value in channel.properties.items():
+                    if isinstance(value, np.datetime64) and not np.isnat(value):
+                        value = (value - np.datetime64(0, "s")) / np.timedelta64(1, "s")  # noqa: PLW2901
                     if isinstance(value, Real):
                         arrays[f"{name}@{key}"] = (), partial(np.asarray, value), ""
         yield arrays

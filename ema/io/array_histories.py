@@ -54,6 +54,7 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
                 )
                 raise MeasurementError(message)
         time = _time(path, arrays, layout, blocks)
+        _require_one_start(path, arrays, layout, float(time[1] - time[0]) if time.size > 1 else 0.0)
     inside = 1 if layout.time == FIRST_CHANNEL else 0
     n_run, n_hit = reference.shape[:2]
 
@@ -71,6 +72,30 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
         )  # fmt: skip
 
     return tuple(tuple(channels(run, hit) for hit in range(n_hit)) for run in range(n_run))
+
+
+def _require_one_start(
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, step: float
+) -> None:
+    """Refuse channels of a TDMS group that begin more than a sample apart (s): they are not side by side."""
+    starts: dict[str, list[tuple[float, str]]] = {}
+    for name in (n for given in layout.history or () for n in _alike(path, arrays, "history", given)):
+        stated = [
+            arrays[key].read()
+            for key in (f"{name}@wf_start_time", f"{name}@wf_start_offset")
+            if key in arrays
+        ]
+        if stated:
+            starts.setdefault(name.rpartition("/")[0], []).append((float(sum(stated)), name))
+    for group in starts.values():
+        (first, one), (last, other) = min(group), max(group)
+        if last - first > step:
+            message = (
+                f"{path}: channel {other!r} begins {last - first:.4g} s after {one!r} (wf_start_time, "
+                "wf_start_offset), so that their samples are not of the same times; write channels of one task, or cut "
+                "them to one start"
+            )
+            raise MeasurementError(message)
 
 
 def _counts(block: NDArray[np.float64]) -> str:

@@ -24,6 +24,7 @@ from ema.types.geometry import Geometry
 MODE_SETS = ("55", "2414")
 _FUNCTIONS = ("58", "58b")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
+_HERTZ = re.compile(rf"({_NUMBER.pattern})\s*Hz", re.IGNORECASE)
 _NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND = 2, 3, 7
 _ANALYSES = {0: "unknown", 1: "static", 4: "transient", 5: "frequency response", 6: "buckling"}
 _REAL, _COMPLEX = (2, 4), (5, 6)  # data types, single and double
@@ -75,7 +76,7 @@ def read_modes_uff(path: Path, geometry: Geometry) -> FoundModes:
     notes: list[str] = []
     mass = mass_unit(sets)
     heads = [(s, _head_55(s) if s.kind == "55" else _head_2414(s)) for s in sets if s.kind in MODE_SETS]
-    heads = _upper_half(_as_ratios(path, heads, notes))
+    heads = _upper_half(_in_rad_s(path, _as_ratios(path, heads, notes), notes))
     modes = [
         mode for data_set, head in heads if (mode := _mode(data_set, head, geometry, mass, notes)) is not None
     ]
@@ -102,6 +103,22 @@ def _as_ratios(path: Path, heads: _Heads, notes: list[str]) -> _Heads:
         f"{path}: the damping, up to {largest:g}, is taken in per cent, for as a ratio it is that of no resonance"
     )
     return [(s, replace(head, damping=head.damping / 100.0)) for s, head in heads]
+
+
+def _in_rad_s(path: Path, heads: _Heads, notes: list[str], *, same: float = 0.01) -> _Heads:
+    """Return heads with eigenvalues in rad/s where the titles of all of them state these very numbers in Hz."""
+    stated = []
+    for data_set, head in heads:
+        title = _HERTZ.search(" ".join(_lines(data_set)[:8]))
+        if head.analysis in (_COMPLEX_FIRST, _COMPLEX_SECOND) and head.eigenvalue:
+            stated.append(float(title[1].upper().replace("D", "E")) / abs(head.eigenvalue) if title else 0.0)
+    if not stated or np.abs(np.array(stated) - 1.0).max() > same:
+        return heads
+    notes.append(
+        f"{path}: the eigenvalues are taken in Hz, not rad/s, for the titles of their data sets say so"
+    )
+    turn = 2.0 * np.pi
+    return [(s, replace(head, eigenvalue=turn * head.eigenvalue)) for s, head in heads]
 
 
 def _upper_half(heads: _Heads) -> _Heads:

@@ -241,7 +241,7 @@ def placed(entries: Entries, node: Index, dof: Index, of: str) -> sp.csr_matrix:
             i = int(np.flatnonzero(strange)[np.argmax(used)])
             message = (
                 f"{entries.source}: {_row(entries, i)} is not among the rows of {of}; {int(used.sum())} rows are not. "
-                "Write all matrices from one model, with the same supports"
+                "Write all matrices from one model, with the same supports; or is one of the files cut off?"
             )
             raise MatricesError(message)
     kept = np.flatnonzero(~strange)
@@ -287,8 +287,8 @@ def check_rows(
             i = int(np.argmax(lagrange))
             message = (
                 f"{name_of(int(node[i]), int(dof[i]))} couples to others in the {what} matrix with nothing on its "
-                f"diagonal: a Lagrange multiplier ({int(lagrange.sum())} rows are). Write ties and contacts by "
-                "elimination or penalty"
+                f"diagonal: a Lagrange multiplier ({int(lagrange.sum())} rows are), or the file is cut off. Write "
+                "ties and contacts by elimination or penalty"
             )
             raise MatricesError(message)
     idle = zero["stiffness"] & zero["mass"]

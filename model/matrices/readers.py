@@ -59,12 +59,12 @@ def read_entries(given: str, folder: Path, target: Target, labels: Path | None) 
         return _labelled(path, _array(path, name), labels)
     if kind in (".sti", ".mas", ".dam"):
         form = "row column value, as CalculiX writes with *FREQUENCY, SOLVER=MATRIXSTORAGE"
-        table = numbers(path, read_text(path), 3, form)
+        table = numbers(path, read_text(path, ended=True), 3, form)
         beside = path.with_name(path.name.replace(kind, ".dof"))
         plain = beside.with_name(beside.name.removesuffix(".gz"))
         return _entries(path, table, labels or (beside if beside.exists() else plain))
     if kind in (".mtx", ".mmf"):
-        text = read_text(path)
+        text = read_text(path, ended=True)
         if not text.startswith("%%MatrixMarket"):
             return _abaqus(path, text)
         try:
@@ -220,7 +220,7 @@ def _nastran(path: Path, name: str, target: Target) -> Entries:
     """Read DMIG cards of a punch file, in fields of 8, of 16 (`DMIG*`), or between commas."""
     found: dict[str, tuple[int, list[tuple[int, int, int, int, float]]]] = {}
     current, column, complex_ones = "", (0, 0), set[str]()
-    for number, line in enumerate(read_text(path).splitlines(), 1):
+    for number, line in enumerate(read_text(path, ended=True).splitlines(), 1):
         if not line.strip() or line.startswith("$"):
             continue
         fields = _fields(line)

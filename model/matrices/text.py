@@ -17,13 +17,13 @@ from model.stack.errors import MatricesError
 from model.stack.inputs import plain_text
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, *, ended: bool = False) -> str:
     """Return the text of a file, which may be compressed by gzip (`.gz`).
 
     Raises
     ------
     MatricesError
-        It cannot be read, or is empty.
+        It cannot be read, is empty, or lacks the end of its last line where it must be `ended`, as programs write it.
     """
     try:
         if path.suffix == ".gz":
@@ -36,6 +36,12 @@ def read_text(path: Path) -> str:
         raise MatricesError(message) from error
     if not text.strip():
         message = f"{path}: is empty"
+        raise MatricesError(message)
+    if ended and not text.rstrip(" \t\x00").endswith(("\n", "\r")):
+        last = text.splitlines()[-1].strip()
+        message = (
+            f"{path}: its last line has no end ({last!r}): it is cut off. Copy it again, or end that line"
+        )
         raise MatricesError(message)
     return text
 
@@ -63,7 +69,8 @@ def numbers(
             plain = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text)
             found = np.loadtxt(io.StringIO(plain), ndmin=2, delimiter=delimiter, comments=None)
     except ValueError as error:
-        message = f"{path}: {str(error).rstrip('.')}; each line must be: {form}"
+        fault = str(error).partition(";")[0].rstrip(".")  # without advice of numpy to programmers
+        message = f"{path}: {fault}; each line must be: {form}"
         raise MatricesError(message) from error
     if found.shape[1] != n_column:
         message = f"{path}: has {found.shape[1]} columns; each line must be: {form}"

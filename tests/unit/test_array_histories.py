@@ -3,6 +3,8 @@
 Sound files: rate, calibration, and what is wrong with them.
 """
 
+import datetime
+
 import h5py
 import numpy as np
 import pytest
@@ -130,6 +132,29 @@ def test_histories_of_labview_give_the_functions_of_those_of_text(tmp_path, of_t
     found = frf(tmp_path, variables(keys), RUN.format('"a.tdms"'))
     np.testing.assert_allclose(found.value, of_text.value, rtol=1e-9)
     np.testing.assert_allclose(found.coherence, of_text.coherence, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("late", "fits"), [(0.0, True), (0.3 / RATE, True), (0.5, False)])
+def test_channels_of_labview_that_begin_at_other_times_are_no_record(tmp_path, late, fits):
+    begin = datetime.datetime(2015, 11, 20, 20, 13, 43)
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        for k, hit in enumerate(blows()):
+            start = begin + datetime.timedelta(minutes=k)
+            writer.write_segment(
+                [
+                    ChannelObject(f"hit {k}", name, value, {
+                        "wf_increment": 1.0 / RATE, "wf_start_offset": 0.0,
+                        "wf_start_time": start + datetime.timedelta(seconds=late if name != "Force" else 0.0)})
+                    for name, value in zip(("Force", "ai1", "ai2"), hit, strict=True)
+                ]
+            )  # fmt: skip
+    names = ("hit */Force", "hit */ai1", "hit */ai2")
+    layout = VariableLayout(history=names, axes=("hit", "time"), sampling_Hz=RATE)
+    if fits:
+        assert len(read_histories(tmp_path / "a.tdms", layout, matlab=False)[0]) == len(blows())
+        return
+    with pytest.raises(MeasurementError, match=r"channel 'hit 0/ai2' begins 0\.5 s after 'hit 0/Force'"):
+        read_histories(tmp_path / "a.tdms", layout, matlab=False)
 
 
 def test_a_channel_of_labview_that_is_not_there_is_named_among_those_that_are(tmp_path):

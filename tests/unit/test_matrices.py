@@ -212,6 +212,28 @@ def test_a_damaged_line_is_named(tmp_path, text):
         read_entries("k.mtx", tmp_path, "K", None)
 
 
+@pytest.mark.parametrize(
+    ("kind", "file"), [("calculix", "k.sti"), ("abaqus", "k.mtx"), ("market", "k.mmf"), ("nastran", "k.pch")]
+)
+def test_a_file_that_is_cut_off_amidst_a_number_is_named(tmp_path, kind, file):
+    """The last number then lacks digits or its exponent, and would be read as another one."""
+    text = as_text(kind, K, "KAAX").rstrip()
+    (tmp_path / "k.dof").write_text("".join(f"{n}.1\n" for n in NODE))
+    for lost in (0, 2, 9):
+        (tmp_path / file).write_text(text[: len(text) - lost])
+        with pytest.raises(model.MatricesError, match="it is cut off"):
+            read_entries(file, tmp_path, "K", tmp_path / "k.dof")
+
+
+def test_a_file_that_is_cut_off_between_lines_is_asked_about(tmp_path):
+    head = HEAD.replace("k.npz", "k.mtx")
+    lines = as_text("abaqus", K, "").splitlines(keepends=True)
+    for n in (len(lines) // 2, len(lines) - 1):
+        (tmp_path / "k.mtx").write_text("".join(lines[:n]))
+        with pytest.raises(model.MatricesError, match="cut off"):
+            model.read_matrices(write(tmp_path, head=head))
+
+
 @pytest.mark.parametrize("name", ["sparse.npz", "dense.npz", "k.mat"])
 def test_a_damaged_file_of_arrays_is_refused_or_read(tmp_path, name):
     """Zip, its compression and scipy raise what they like, and conversions of wrong sparse indices crashed Python."""

@@ -101,10 +101,10 @@ def test_a_table_of_frfs_is_none_of_modes(tmp_path):
     assert draft_modes(tmp_path) is None
 
 
-def data_set_55(mode, analysis, form, reals, shape):
+def data_set_55(mode, analysis, form, reals, shape, title="NONE"):
     values = [[0.0, 0.0, s.real] if form == 2 else [0.0, 0.0, 0.0, 0.0, s.real, s.imag] for s in shape]
     whole = (1, analysis, 2, 8, form, 3), (2, len(reals), 0, mode)
-    lines = ["    -1", "    55", "ARTeMIS Modal", "NONE", "NONE", "NONE", "NONE"]
+    lines = ["    -1", "    55", "ARTeMIS Modal", "NONE", title, "NONE", "NONE"]
     lines += ["".join(f"{n:10d}" for n in row) for row in whole]
     lines.append("".join(f"{real:13.5E}" for real in reals))
     for n, row in enumerate(values, start=1):
@@ -131,6 +131,20 @@ def test_modes_of_negative_frequencies_alone_are_turned(tmp_path):
     model = read(tmp_path, modes="".join(sets)).modal_model
     np.testing.assert_allclose(model.frequency, FREQUENCY, rtol=1e-4)
     np.testing.assert_allclose(model.shape / model.shape[0], SHAPE / SHAPE[0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("unit", [1.0, 2 * np.pi])
+def test_eigenvalues_that_titles_state_in_hertz(tmp_path, unit):
+    pole = unit * FREQUENCY * (-DAMPING + 1j * np.sqrt(1 - DAMPING**2))
+    titles = [f"f={f:.5E}Hz z={100 * z:.5E}%" for f, z in zip(FREQUENCY, DAMPING, strict=True)]
+    sets = [
+        data_set_55(r + 1, 3, 5, [pole[r].real, pole[r].imag, 0, 0, 0, 0], SHAPE[:, r], titles[r])
+        for r in range(3)
+    ]
+    found = read(tmp_path, modes="".join(sets))
+    np.testing.assert_allclose(found.modal_model.frequency, FREQUENCY, rtol=1e-4)
+    np.testing.assert_allclose(found.modal_model.damping, DAMPING, rtol=1e-3)
+    assert any("taken in Hz" in note for note in found.notes) == (unit == 1.0)
 
 
 def test_damping_that_is_unusual_is_asked_about(tmp_path):

@@ -295,3 +295,24 @@ def test_noise_is_not_told_to_be_complex_conjugates():
     noise = rng.standard_normal((3, LINES.size, 2)) @ np.array([1, 1j])
     with pytest.raises(IdentificationError, match=r"none of .* stable poles"):
         identified(block(noise))
+
+
+def test_a_peak_beside_the_flank_of_a_mode_beyond_the_band_is_found():
+    frf = functions([300.0, 478.0, 503.0], [0.004, 0.006, 0.003], np.array([[1.0, 0.35, 1.0]]), 1e-3)
+    assert identified(frf).frequency == pytest.approx([300.0, 478.0], rel=2e-3)
+
+
+def test_a_resonance_whose_own_lines_have_spoiled_phases_is_found_by_its_flanks():
+    """As of records that end too early; and all residues are turned, as by the filter of one channel."""
+    rng, n, turn = np.random.default_rng(3), 10, np.exp(0.6j)
+    shape = np.cos(np.pi * np.outer(np.linspace(0, 1, n), [2, 3])) + 0.15
+    strong, spoiled = poles([300.0, 88.0], [0.006, 0.003])
+    data = rows(functions([300.0], [0.006], shape[:, 1:], 1e-3))
+    s = 2j * np.pi * LINES
+    noise = (
+        np.where(np.abs(LINES - 88.0) < 1.1, 1.0, 0.05) * (rng.standard_normal((2, n, s.size)).T @ [1, 1j]).T
+    )
+    value = data.value + turn * s**2 * shape[:, :1] / (s - spoiled) / 600.0 * (1.0 + noise)
+    data = replace(data, value=value)
+    fit, _ = take_in_peaks(data, data.linear_fit(np.array([strong])), np.empty(0, dtype=complex), (20, 500))
+    assert np.sort(np.abs(fit.pole)) / (2 * np.pi) == pytest.approx([88.0, 300.0], abs=0.3)
