@@ -34,9 +34,6 @@ from ema.io.units import Unit, parse_unit
 from ema.io.variables import read_variables
 from ema.types.errors import CampaignError, MeasurementError
 
-SHARED = 0.5
-"""Share of a force that is in the others from which on it is reported: the variance of its functions is doubled."""
-
 _Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float]
 
 
@@ -114,6 +111,8 @@ def _note_forces(
     file: Path, channels: list[MeasuredFunction], matrix: FRFMatrixEstimate, notes: list[str]
 ) -> None:
     """Note how much of each response the forces explain together, and how independent the forces are."""
+    # Share of a force that is in the others from which on it is reported: the variance of its functions is doubled.
+    most_shared = 0.5
     n_force = matrix.independent.shape[0]
     power = np.sum(np.abs(matrix.value) ** 2, axis=1)
     multiple = np.sum(power * matrix.multiple_coherence, axis=1) / np.sum(power, axis=1)
@@ -124,7 +123,7 @@ def _note_forces(
         f"least ({channels[n_force + worst].source})"
     )
     shared = 1.0 - np.median(matrix.independent, axis=1)
-    if shared.max() > SHARED:
+    if shared.max() > most_shared:
         notes.append(
             f"{file}: {100 * shared.max():.0f} % of a force is in the others, too: its functions are less certain"
         )

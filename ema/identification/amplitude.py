@@ -425,7 +425,6 @@ def _vertex(omega: Vector, size: Vector) -> float:
 
 
 _CYCLES = 12.0  # in one fit; over fewer the band lets too little through
-_EDGE = 1.5  # fits left out at either end, where the band is still filling
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -487,6 +486,7 @@ def ring_down(
     MeasurementError
         The record is too short or too noisy for the mode, or channels and shapes do not fit.
     """
+    left_out = 1.5  # fits left out at either end, where the band is still filling
     record, shapes = np.atleast_2d(response), np.atleast_2d(shape)
     _require_fitting(record, shapes, np.size(frequency))
     # with fewer channels than modes, the one that is sought alone
@@ -494,7 +494,7 @@ def ring_down(
     filtered = np.linalg.pinv(used)[mode if used is shapes else 0] @ record
     signal = _analytic(filtered, rate, np.asarray(frequency, dtype=float), mode)
     size = int(np.ceil(_CYCLES / frequency[mode] * rate))
-    step, edge = max(int(size * (1.0 - overlap)), 1), int(_EDGE * size)
+    step, edge = max(int(size * (1.0 - overlap)), 1), int(left_out * size)
     noise = (
         float(np.sqrt(np.mean(np.abs(signal[-edge - size : -edge]) ** 2)))
         if signal.size > 2 * edge + size

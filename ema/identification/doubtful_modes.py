@@ -231,10 +231,6 @@ def _verdict(differing: list[str], changed: bool) -> Verdict:
     return Verdict(check="references", level="warn", channel=(), band=None, message=text)
 
 
-_LINES = 800  # that shapes of all orders are fitted over; more would not move their MAC
-_NEAR = 3.0  # half bandwidths of a mode within which a column is its own
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"any": "frequency damping shape"})
 class Stability:
@@ -277,7 +273,8 @@ def stability(diagram: StabilizationDiagram, frf: FRF) -> Stability:
     frf : FRF
         The functions that it was made from; the first input gives the shapes.
     """
-    step = max(1, frf.frequency.size // _LINES)
+    most_lines = 800  # that shapes of all orders are fitted over; more would not move their MAC
+    step = max(1, frf.frequency.size // most_lines)
     lines, value = frf.frequency[::step], frf.value[:, 0, ::step]
     stable = np.zeros((3, diagram.pole.size), dtype=bool)
     below: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
@@ -305,6 +302,7 @@ def dropped_columns(
     modal_model : ModalModel
         What was identified from them.
     """
+    near_enough = 3.0  # half bandwidths of a mode within which a column is its own
     poles = np.concatenate([modal_model.pole, modal_model.outside_pole])
     data = Functions(
         frequency=frf.frequency,
@@ -318,7 +316,7 @@ def dropped_columns(
         distance = np.abs(poles - pole)
         near = int(np.argmin(distance))
         rival = diagram.chosen[np.argmin(np.abs(diagram.chosen - poles[near]))]
-        if distance[near] >= _NEAR * -poles[near].real:
+        if distance[near] >= near_enough * -poles[near].real:
             reason = _reason(data, poles, pole)
         elif rival != pole:
             reason = (

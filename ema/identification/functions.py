@@ -23,7 +23,6 @@ MOST_LINES = 20_000
 """Lines up to which a band is taken at once."""
 OVERLAP = 1024
 """Lines beyond each end of a part that it is fitted on: for a mode near its end, and the flank of one beyond it."""
-_ROOM = 0.25  # of a part, to either side of where it would end, for the end to be moved to a valley
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +59,7 @@ def part_bands(
     smooth : int
         Lines over which the power is smoothed: no valley is one quiet line of noise.
     """
+    either_side = 0.25  # of a part, to either side of where it would end, for the end to be moved to a valley
     n_line = value.shape[-1]
     if n_line <= MOST_LINES:
         return (PartBand(core=slice(0, n_line), lines=slice(0, n_line)),)
@@ -71,7 +71,7 @@ def part_bands(
         power += square / (square.mean() or 1.0)
     power = scipy.ndimage.uniform_filter1d(power, smooth)
     even = np.linspace(0, n_line, round(n_line / part_lines) + 1)
-    room = int(_ROOM * (even[1] - even[0]))
+    room = int(either_side * (even[1] - even[0]))
     cuts = [int(at) - room + int(np.argmin(power[int(at) - room : int(at) + room])) for at in even[1:-1]]
     ends = [0, *cuts, n_line]
     return tuple(

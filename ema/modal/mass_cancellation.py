@@ -19,8 +19,6 @@ import scipy
 from numpy.typing import NDArray
 
 _LOG = logging.getLogger(__name__)
-_ABOVE = 30
-"""Modes above the band that are thought to let a point yield."""
 
 
 def yielding_beyond(shape: NDArray[np.float64], square: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -28,9 +26,10 @@ def yielding_beyond(shape: NDArray[np.float64], square: NDArray[np.float64]) -> 
 
     They go on as far apart as those of the band are, and are felt as they are: the sum of phi**2 / (lambda_s - lambda).
     """
+    n_above = 30  # modes above the band that are thought to let a point yield
     omega = np.sqrt(square)
     apart = np.ptp(omega) / (omega.size - 1) if omega.size > 1 else 0.5 * omega[0]
-    above = omega.max() + apart * np.arange(1, _ABOVE + 1)
+    above = omega.max() + apart * np.arange(1, n_above + 1)
     return np.asarray(np.mean(shape**2) * np.sum(1.0 / (above[:, None] ** 2 - square), axis=0))
 
 
@@ -135,9 +134,6 @@ def yielding(
     return root, whole
 
 
-_WIDE = 1e-2
-"""Standard deviation of squared frequencies, relative, that is added to theirs in a first fit: exact ones make a valley
-so narrow that a fit ends on its side."""
 _UNEVEN = 0.5
 """By how much, relative to their mean, the flexibilities that modes above the band have differ from place to place."""
 _HEAVIEST = 0.5
@@ -236,9 +232,12 @@ def without_sensors(
         Share of the squared misfit by which a step must lower it, in a first fit the latter: directions that no data
         tell go on for long.
     """
+    # Standard deviation of squared frequencies, relative, that is added to theirs in a first fit: exact ones make a
+    # valley so narrow that a fit ends on its side.
+    wider = 1e-2
     _LOG.info("take the mass of the sensors out of %d runs", len(modes.frequency))
     problem = _Problem.of(modes, load)
-    wide = replace(problem, rough=np.hypot(problem.rough, _WIDE))
+    wide = replace(problem, rough=np.hypot(problem.rough, wider))
     ends = [_fitted(problem, _fitted(wide, start, rough_gain)[0], least_gain) for start in problem.starts()]
     return _result(problem, *min(ends, key=lambda end: float(end[2] @ end[2])))
 

@@ -141,7 +141,6 @@ def usable(run_std: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np
 
 
 Cause = Literal["none", "sensor mass", "drift", "all modes alike", "scatter"]
-_EACH = 3  # runs whose modes are reported one by one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,10 +282,11 @@ def _cause(pattern: _Pattern) -> str:
 
 def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
     """Say which runs are off the median of the others, and by how much."""
+    most_listed = 3  # runs whose modes are reported one by one
     odd = np.flatnonzero(differs.any(axis=1))
     shift = np.array([_shift(modal_model, int(k)) for k in odd])
     numbers = [int(modal_model.run[k]) + 1 for k in odd]
-    if odd.size <= _EACH:
+    if odd.size <= most_listed:
         modes = [
             ", ".join(
                 f"{frequency_text(modal_model.frequency[r], 1)} Hz by {100 * of_run[r]:+.3f} %"

@@ -18,12 +18,8 @@ from ema.types.geometry import Dofs
 
 NOT_LINEAR = ": not linear"
 """End of the finding on a resonance that moves with the force."""
-_STRONG = 0.3
-"""Channels below this share of a resonance's largest height are near its nodal lines and not judged."""
 _SAME = 2.0
 """Bandwidths within which a resonance of the other level is taken for the same one."""
-_FAINT = 3.0
-"""Prominence, dB, of a resonance of the other level that is lower there, where no clear one is near."""
 
 
 def check_force_levels(
@@ -147,7 +143,10 @@ def _resonances(
     # Share of its height below which a resonance is gone.
     least_height: float = 0.5,
 ) -> Iterator[Verdict]:
-    clear, faint = peaks(other, its), peaks(other, its, _FAINT)
+    # Channels below this share of a resonance's largest height are near its nodal lines and not judged.
+    least_dB = 3.0  # prominence, dB, of a resonance of the other level that is lower there, where no clear one is near
+    least_strong = 0.3
+    clear, faint = peaks(other, its), peaks(other, its, least_dB)
     for peak in peaks(frf, rows):
         band = (peak.frequency - peak.bandwidth, peak.frequency + peak.bandwidth)
         label = f"{peak.frequency:.5g} Hz: from {name} to {other_name}"
@@ -160,7 +159,7 @@ def _resonances(
             continue
         shift = (_centre(other, its, partner) - _centre(frf, rows, peak)) / peak.bandwidth
         before, after = _height(frf, rows, peak), _height(other, its, partner, peak.bandwidth)
-        strong = before > _STRONG * before.max()
+        strong = before > least_strong * before.max()
         change = float(np.median(after[strong] / before[strong])) - 1
         odd = np.flatnonzero(strong & (np.abs(after / before - 1 - change) > tolerance))
         moved = abs(shift) > tolerance or abs(change) > tolerance

@@ -104,7 +104,6 @@ FEWEST_POINTS = 6
 """Points from which on most of them say what the proportion of the forces is."""
 FEWEST_RESONANCES = 2
 """Resonances at which a function must be turned."""
-_SEEN = 0.3  # least size of a point's functions over their median, for its sign to be seen
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +147,7 @@ def turned_functions(
     most : float
         Share of the points that must have it, for a resonance to be of one mode.
     """
+    least_seen = 0.3  # least size of a point's functions over their median, for its sign to be seen
     if channels.size < FEWEST_POINTS or frf.input.node.size == 1:
         return ()
     signs: dict[tuple[int, int], list[float]] = {}
@@ -156,7 +156,7 @@ def turned_functions(
         value = frf.value[channels, :, peak.line]
         value = value / np.linalg.norm(value, axis=0)
         size = np.linalg.norm(value, axis=1)
-        seen = np.flatnonzero(size > _SEEN * np.median(size))
+        seen = np.flatnonzero(size > least_seen * np.median(size))
         row = value[seen] / size[seen, None]
         proportion = np.linalg.svd(row, full_matrices=False)[2][0].conj()
         part = row * proportion

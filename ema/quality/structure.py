@@ -25,8 +25,6 @@ _APART = (8, 13)
 """Lines, of which noise shares nothing even where a window has smeared it over its neighbours."""
 _NOISE, _MOST = 3.5, 0.45
 """Steadiness over one over the square root of the lines that noise stays below, even smeared by a window; the most."""
-_STEADY = 0.5
-"""Steadiness that some output must have before another is called one of noise; of measured sets it is 0.58 or more."""
 _ENDS = (5.0, 95.0)
 
 
@@ -52,6 +50,8 @@ def formless(
     flat, not_flat : float
         Range of levels, dB, of an output without a resonance, and of the usual one beside which it is reported.
     """
+    # Steadiness that some output must have before another is called one of noise; of measured sets it is 0.58 or more.
+    least_steady = 0.5
     if frf.frequency.size < LINES_OF_A_FUNCTION or not channels.size:
         return
     steady, levels = steadiness(frf, channels), span(frf, channels)
@@ -63,7 +63,7 @@ def formless(
         )
         yield Formless(channel=None, is_noise=True, message=message)
         return
-    if steady.max() < _STEADY:
+    if steady.max() < least_steady:
         return
     usual = float(np.median(steady[steady >= noise]))
     for channel, share, width in zip(channels, steady, levels, strict=True):

@@ -228,9 +228,7 @@ def separate(value: Vector, tolerance: float) -> Separated:
 
 Vector = NDArray[np.float64]
 
-_TOLERANCE = 1e-8  # of the residual relative to the load
 _RIGID = 1e7  # bending stiffness of a rigid plate in the preconditioner, relative to a lamina
-_FLOOR = 1e-6  # of the mean tangent; lost contact would make the preconditioner singular
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -295,11 +293,12 @@ class _Problem:
         The tangent over spacing E(x, y, k) becomes e(k) m(x, y). In the modes of the chain e the laminas
         decouple; chain eigenvalues that are close share one planar factor.
         """
+        floor = 1e-6  # of the mean tangent; lost contact would make the preconditioner singular
         ratio = 1.8  # of neighbouring values over z that share one planar factor of the preconditioner
         stiffness = tangent / self.law.spacing[:, None]
         whole = np.sum(stiffness @ self.area) / (self.area.sum() * stiffness.shape[0])
-        over_z = np.maximum(stiffness @ self.area / self.area.sum() / whole, _FLOOR)
-        over_plan = np.maximum(stiffness.mean(axis=0), _FLOOR * whole)
+        over_z = np.maximum(stiffness @ self.area / self.area.sum() / whole, floor)
+        over_plan = np.maximum(stiffness.mean(axis=0), floor * whole)
         planar = (self.evaluate.T @ sp.diags_array(over_plan * self.area) @ self.evaluate).tocsc()
         jump = np.diff(np.eye(over_z.size + 1), axis=0)
         inertia = np.ones(over_z.size + 1)
@@ -450,6 +449,7 @@ def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[fl
 
     A residual is measured in the norm of the preconditioner, where forces and moments count alike.
     """
+    tolerance = 1e-8  # of the residual relative to the load
     max_newton = 40
     residuals: list[float] = []
     pressure, tangent = problem.contact(w)
@@ -458,7 +458,7 @@ def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[fl
         precondition = problem.preconditioner(tangent)
         size = np.sqrt(np.sum(residual * precondition(residual)) / np.sum(load * precondition(load)))
         residuals.append(float(size))
-        if size <= _TOLERANCE:
+        if size <= tolerance:
             return w, residuals
         step = _conjugate_gradients(problem, tangent, precondition, residual)
         slope, length = float(np.sum(residual * step)), 1.0

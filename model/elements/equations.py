@@ -29,8 +29,6 @@ Theta = Mapping[str, Any]
 
 OMEGA = "omega"
 """The parameter, rad/s, of factors that depend on frequency: modes are solved at their own, responses line by line."""
-_SAME = 1e-13  # relative difference between matrices over z that count as multiples of each other
-_STEP = 1e-30  # of the complex step, which loses nothing to rounding however small it is
 
 
 class ParameterFactor(Protocol):
@@ -103,7 +101,8 @@ class Analytic:
 
     def derivative(self, theta: Mapping[str, float], name: str) -> float:
         """Return the derivative by the parameter `name` at `theta`."""
-        return float(np.imag(self.function({**theta, name: theta[name] + 1j * _STEP})) / _STEP)
+        step = 1e-30  # of the complex step, which loses nothing to rounding however small it is
+        return float(np.imag(self.function({**theta, name: theta[name] + 1j * step})) / step)
 
     def names(self, theta: Mapping[str, float]) -> frozenset[str]:
         """Return the parameters that the function asks for at `theta`."""
@@ -220,6 +219,7 @@ def collected(krons: Iterable[Kron]) -> tuple[Kron, ...]:
 
 def ratio(a: Matrix, b: Matrix) -> float:
     """Return the number by which b must be multiplied to give a, 0 if there is none."""
+    same = 1e-13  # relative difference between matrices over z that count as multiples of each other
     if a.shape != b.shape or sp.issparse(a) != sp.issparse(b):
         return 0.0
     if sp.issparse(a):
@@ -231,7 +231,7 @@ def ratio(a: Matrix, b: Matrix) -> float:
     if not b.size or b[largest] == 0.0:
         return 0.0
     found = float(a[largest] / b[largest])
-    return found if np.abs(a - found * b).max() <= _SAME * np.abs(a).max() else 0.0
+    return found if np.abs(a - found * b).max() <= same * np.abs(a).max() else 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -142,9 +142,6 @@ def clamp_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     return tuple(terms)
 
 
-_HELD = 1e5  # stiffness that stands for an infinite one, relative to a lamina's over one element
-
-
 def edge_matrix(plan: Plan, field: str, edge: Edge, *, slope: bool = False) -> sp.csr_matrix:
     """Integrate the square of a field, or of its slope normal to the edge, along an edge.
 
@@ -203,6 +200,7 @@ class HeldMotion:
 
 def held_motions(stack: Stack, plan: Plan, support: EdgeSupport | PatchSupport) -> tuple[HeldMotion, ...]:
     """Return the motions that a support holds."""
+    as_infinite = 1e5  # stiffness that stands for an infinite one, relative to a lamina's over one element
     t = stack.pitch
     q11 = stack.material.plane_stress()[0]
     size = float(np.sqrt(plan.area / plan.membrane.mesh.t.shape[1]))
@@ -217,7 +215,7 @@ def held_motions(stack: Stack, plan: Plan, support: EdgeSupport | PatchSupport) 
 
     def hold(field: Field, name: str, planar: Callable[[], sp.csr_matrix]) -> None:
         stiffness = getattr(support, name)
-        stiffness = _HELD * held[name] / per if np.isinf(stiffness) else stiffness
+        stiffness = as_infinite * held[name] / per if np.isinf(stiffness) else stiffness
         if stiffness > 0.0:
             kron = Kron(row=field, column=field, z=stiffness * z, planar=planar())
             found.append(HeldMotion(kron=kron, stiffness=stiffness, turns=name == "rotation"))

@@ -113,8 +113,6 @@ def chosen_interfaces(n: int, most: int) -> tuple[NDArray[np.intp], Vector]:
     return place, np.linalg.solve(every[place].T, every.sum(axis=0))
 
 
-_SETTLED = 1e-4  # change of a shape of unit length and of an eigenvalue: of the next of Newton's steps it is the square
-
 _MOST_STEPS = 8
 
 
@@ -287,6 +285,9 @@ def _settled(
     eigenvalues: Vector, contact: _Contact, a: float, before: tuple[float, float, Vector]
 ) -> tuple[float, float, Vector] | None:
     """Return the solution of the nonlinear eigenproblem next to another one; None where there is none next to it."""
+    settled = (
+        1e-4  # change of a unit shape and of an eigenvalue: of the next of Newton's steps it is the square
+    )
     near = 0.9  # cosine between shapes at two amplitudes, of which the second is sought from the first
     _, value, shape = before
     for _ in range(_MOST_STEPS):
@@ -297,7 +298,7 @@ def _settled(
         value, shape = value + step[-1], shape + step[:-1]
         if shape @ before[2] < near or value <= 0.0:
             return None
-        if np.linalg.norm(step[:-1]) <= _SETTLED and abs(step[-1]) <= _SETTLED * value:
+        if np.linalg.norm(step[:-1]) <= settled and abs(step[-1]) <= settled * value:
             return a, float(value), shape
     return None
 

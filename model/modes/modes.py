@@ -150,8 +150,6 @@ def observe(system: ReducedEquations, observation: Observation | Observed) -> Ob
     )
 
 
-_RIGID = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
-
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
 
 
@@ -383,7 +381,8 @@ def _rigid_limit(
     system: ReducedEquations, theta: Mapping[str, float], eigenvalues: NDArray[np.float64]
 ) -> float:
     """Return the eigenvalue, (rad/s)**2, below which all is rounding around rigid-body motion."""
-    return max(_RIGID * abs(shear_shift(system.stack, theta)), _ROUNDING * float(eigenvalues[-1]))
+    rigid = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
+    return max(rigid * abs(shear_shift(system.stack, theta)), _ROUNDING * float(eigenvalues[-1]))
 
 
 def complex_modes(

@@ -46,8 +46,6 @@ _MAX_STEPS = 30
 
 _MIN_STEPS = 6  # with through-thickness functions, for modes that the reduced system lacks to come up
 
-_TOLERANCE = 1e-5  # relative change of eigenvalues with through-thickness functions in the last step
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"n": "frequency error reduction_error"})
@@ -232,6 +230,7 @@ def _over_plan(
     n_mode: int,
 ) -> Vector:
     """Return the elastic modes with all of the plan and thickness basis, those too that the snapshots lack."""
+    tolerance = 1e-5  # relative change of eigenvalues with through-thickness functions in the last step
     assembly = system.assembly
     mass = assembly.krons("M", theta)
 
@@ -242,7 +241,7 @@ def _over_plan(
     fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE))
     start = np.hstack([system.basis @ vectors[:, n_rigid:n_mode], fresh])
     shift, n = shear_shift(system.stack, theta), n_mode - n_rigid
-    return lowest_modes(smooth.solve, product, shift, start, n, _TOLERANCE, known, _MIN_STEPS)[1][:, :n]
+    return lowest_modes(smooth.solve, product, shift, start, n, tolerance, known, _MIN_STEPS)[1][:, :n]
 
 
 def _left(history: list[Vector]) -> Vector:

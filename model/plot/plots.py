@@ -174,8 +174,6 @@ def mode_png(system: ReducedSystem, modes: Modes, mode: int, *, size: tuple[int,
 
 _SHEET, _EDGE, _CLAMP, _SUPPORT = "#dfe5ec", "0.35", "#b3341f", "#1f5f8b"
 
-_LINES = 12  # of laminas that the side shows at most
-
 
 @html_of.register(Stack)
 def stack_html(own: Stack) -> str:
@@ -238,13 +236,14 @@ def _draw_plan(axes: Axes, own: Stack) -> None:
 
 
 def _draw_side(axes: Axes, own: Stack) -> None:
+    lines = 12  # of laminas that the side shows at most
     from matplotlib.patches import Rectangle
 
     half = 500.0 * np.array([own.length, own.height])
     axes.add_patch(
         Rectangle((-half[0], -half[1]), 2.0 * half[0], 2.0 * half[1], facecolor=_SHEET, edgecolor=_EDGE)
     )
-    shown = np.unique(np.linspace(0, own.n_lamina - 1, _LINES).round().astype(int))
+    shown = np.unique(np.linspace(0, own.n_lamina - 1, lines).round().astype(int))
     axes.hlines(1e3 * own.lamina_z[shown], -half[0], half[0], color=_EDGE, linewidth=0.4)
     for clamp in own.clamps:
         axes.plot(

@@ -18,9 +18,6 @@ from model.reduction.through_thickness import FREE, n_rigid, shear_shift
 from model.solvers.low_rank import Factor
 from model.stack.effect import Effect
 
-_SHARE = 0.75  # of its nominal strength, that an effect has in these samples
-_ENERGY = 3e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
-
 
 def shaping(assembly: Assembly, names: Iterable[str]) -> frozenset[str]:
     """Return those parameters on which stiffness depends in a way of its own over z.
@@ -51,6 +48,7 @@ def effect_samples(assembly: Assembly, theta: Mapping[str, float]) -> list[dict[
     At full strength several that soften the contact could together make it negative. Effects that ground the stack are
     not among them: the modes are sought beside those of rigid-body motion.
     """
+    share = 0.75  # of its nominal strength, that an effect has in these samples
     effects_at_once = 8  # in one sample of the modes over z
     effects = [effect for effect in assembly.stack.effects if not effect.grounded]
     own = shaping(assembly, (p.name for effect in effects for p in effect.parameters))
@@ -60,7 +58,7 @@ def effect_samples(assembly: Assembly, theta: Mapping[str, float]) -> list[dict[
         {
             **theta,
             **{
-                p.name: p.neutral + _SHARE * (p.nominal - p.neutral)
+                p.name: p.neutral + share * (p.nominal - p.neutral)
                 for effect in effects[i::n_group]
                 for p in effect.parameters
             },
@@ -115,6 +113,9 @@ def effect_answers(
     (assembly.size, n_answer)
         The principal ones of all answers, by energy.
     """
+    least_energy = (
+        3e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
+    )
     values, unit_energy = modes[0], modes[1] / np.sqrt(modes[0])
     acting: dict[int, tuple[Term, float]] = {}
     for term, strength in _strengths(assembly, effects, theta):
@@ -135,7 +136,7 @@ def effect_answers(
     for (row, force), start, end in zip(felt, ends[:-1], ends[1:], strict=True):
         works[start:end, :end] = force.T @ answer[row, :end]
     energy, principal = la.eigh(works, lower=True)
-    return np.asarray(answer @ principal[:, energy > _ENERGY])
+    return np.asarray(answer @ principal[:, energy > least_energy])
 
 
 def _felt(force: NDArray[np.float64], least: float = 1e-4) -> tuple[NDArray[np.intp], NDArray[np.float64]]:

@@ -23,9 +23,6 @@ from model.reduction.threads import threaded
 Vector = NDArray[np.float64]
 
 
-_FEW = 8  # shapes over the plan of which a matrix may be made, to be multiplied by these
-
-
 def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
     """Return basis' A basis, (n, n), of every term's matrix A, by the identity of its Kronecker products.
 
@@ -103,18 +100,19 @@ def _low_rank(
 
     The mean displacement under a clamp is one shape of many points. None where the matrix has more than `_FEW`.
     """
+    few = 8  # shapes over the plan of which a matrix may be made, to be multiplied by these
     exact = 1e-12  # of a matrix's largest entry, to which it must be the same then
     rows = np.flatnonzero(np.diff(planar.indptr))
     columns = np.unique(planar.indices)
-    if planar.nnz <= 0.5 * rows.size * columns.size or min(rows.size, columns.size) <= 2 * _FEW:
+    if planar.nnz <= 0.5 * rows.size * columns.size or min(rows.size, columns.size) <= 2 * few:
         return None
     block = planar[rows][:, columns].toarray()
-    image = block @ np.random.default_rng(0).standard_normal((columns.size, _FEW + 1))
+    image = block @ np.random.default_rng(0).standard_normal((columns.size, few + 1))
     shapes, triangle, _ = la.qr(image, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
     shapes = shapes[:, size > exact * size[0]]
     other = shapes.T @ block
-    if shapes.shape[1] > _FEW or np.abs(block - shapes @ other).max() > exact * np.abs(block).max():
+    if shapes.shape[1] > few or np.abs(block - shapes @ other).max() > exact * np.abs(block).max():
         return None
     return (rows, shapes), (columns, other.T)
 

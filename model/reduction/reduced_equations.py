@@ -20,13 +20,6 @@ from model.stack.stack import Stack
 
 Vectors = NDArray[np.float64]
 
-_MOST = 1 / 10  # of the basis, that a range may span: with more, full matrices are as quick
-
-
-_RANK = 1e-11  # of the largest direction of a matrix, below which one is rounding
-
-_SAME = 1e-7  # part of a unit direction beside others, below which it is theirs
-
 
 _SPARE = (
     8  # random vectors beyond the most directions, which show that a range has no more (Halko et al. 2011)
@@ -96,6 +89,8 @@ def in_ranges(matrices: Iterable[Vectors]) -> list[Matrix]:
         Symmetric. Those that follow each other are the likeliest to share a range; no more of them than may share one
         are kept in full at a time.
     """
+    most_spanned = 1 / 10  # of the basis, that a range may span: with more, full matrices are as quick
+    rank = 1e-11  # of the largest direction of a matrix, below which one is rounding
     fewest = 40  # directions that it may have in any case
     found: list[Matrix] = []
     group = _Group(range=np.zeros((0, 0)), members={})
@@ -103,10 +98,10 @@ def in_ranges(matrices: Iterable[Vectors]) -> list[Matrix]:
     for i, matrix in enumerate(matrices):
         found.append(matrix)
         if i == 0:
-            most = max(int(_MOST * len(matrix)), fewest)
+            most = max(int(most_spanned * len(matrix)), fewest)
             probe = np.random.default_rng(0).standard_normal((len(matrix), most + _SPARE))
         image = matrix @ probe
-        own = _orthonormal(image, _RANK * float(np.max(np.linalg.norm(image, axis=0), initial=0.0)))
+        own = _orthonormal(image, rank * float(np.max(np.linalg.norm(image, axis=0), initial=0.0)))
         if own.shape[1] > most:
             continue
         wider = group.wider(matrix, own)
@@ -148,10 +143,11 @@ class _Group:
 
 def _with(shared: Vectors, own: Vectors) -> Vectors:
     """Return an orthonormal range with what another has beside it."""
+    same = 1e-7  # part of a unit direction beside others, below which it is theirs
     left = own
     for _ in range(2):  # of what is small, the first time leaves mostly rounding, which lies along the range
         left = left - shared @ (shared.T @ left)
-        left = _orthonormal(left - shared @ (shared.T @ left), _SAME)
+        left = _orthonormal(left - shared @ (shared.T @ left), same)
     return np.hstack([shared, left])
 
 

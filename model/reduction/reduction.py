@@ -108,11 +108,6 @@ def sobol(n: int, n_axis: int) -> NDArray[np.float64]:
 _TOLERANCE = 1e-6  # relative, of the snapshots' eigenvalues
 
 
-_ROUNDING = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
-
-_MIN_STEPS = 4  # for modes of a snapshot that those before it lack
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReducedSystem(ReducedEquations):
     """A stack reduced to a few degrees of freedom, affine in its parameters, with what it was reduced from.
@@ -358,6 +353,7 @@ def _snapshot_modes(
 
     The first samples start from `starts`, the others from the modes in the space of those before them.
     """
+    min_steps = 4  # for modes of a snapshot that those before it lack
     space, modes = orthonormalize(rigid, product), []
     fresh = np.random.default_rng(0).standard_normal((assembly.size, SPARE // 2))  # for what the start lacks
     for i, sample in enumerate(samples):
@@ -371,7 +367,7 @@ def _snapshot_modes(
             start = space[0] @ la.eigh(stiffness, inertia)[1][:, n_rigid(assembly.stack) : n_mode]
         shift = shear_shift(assembly.stack, sample)
         values, vectors = solver.modes(
-            sample, shift, np.hstack([start, fresh]), n_mode, _TOLERANCE, rigid, _MIN_STEPS
+            sample, shift, np.hstack([start, fresh]), n_mode, _TOLERANCE, rigid, min_steps
         )
         space = _extended(space, vectors[:, :n_mode], product)
         elastic = np.flatnonzero(values[:n_mode] > FREE * shift)
@@ -478,7 +474,8 @@ def _without_rounding(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
     What rounding leaves there would, times a large stiffness, pass for a negative one.
     """
-    if np.abs(matrix[:N_RIGID]).max() < _ROUNDING * np.abs(matrix).max():
+    rounding = 1e-6  # of a term's largest entry; terms that feel rigid-body motion have 1e-2 there
+    if np.abs(matrix[:N_RIGID]).max() < rounding * np.abs(matrix).max():
         matrix[:N_RIGID] = matrix[:, :N_RIGID] = 0.0
     return matrix
 

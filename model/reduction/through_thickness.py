@@ -147,13 +147,8 @@ _TOLERANCE = (
 
 _FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body motion
 
-_MIN_STEPS = 4  # for modes that the start lacks
 
 _POLYNOMIALS = 4
-
-_ROUGH = 1e-2  # relative change of the eigenvalues with polynomials in the last step
-
-_ROUNDING = 1e-15  # energy that no function can win any more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -265,12 +260,13 @@ def _smooth_modes(
     reduced: Assembly, stack: Stack, thetas: Sequence[Mapping[str, float]], phi: Phi, n_mode: int
 ) -> list[tuple[Vector, Vector]]:
     """Return roughly converged eigenvalues and vectors with a smooth thickness basis, one pair for each sample."""
+    rough = 1e-2  # relative change of the eigenvalues with polynomials in the last step
     solver, rigid = solver_over_plan(reduced), rigid_body_modes(reduced, stack, phi)
     first = n_rigid(stack)
     start = np.random.default_rng(0).standard_normal((reduced.size, n_mode - first + SPARE))
     found = []
     for theta in thetas:
-        found.append(solver.modes(theta, shear_shift(stack, theta), start, n_mode, _ROUGH, rigid))
+        found.append(solver.modes(theta, shear_shift(stack, theta), start, n_mode, rough, rigid))
         start = found[-1][1][:, first:]
     return found
 
@@ -313,6 +309,7 @@ def through_thickness_basis(
     tolerance : float
         Largest relative error of a frequency over the shapes.
     """
+    min_steps = 4  # for modes that the start lacks
     symmetric, laminas = _is_symmetric(laminas), laminas.acting(thetas)
     smooth = _polynomials(stack.n_lamina)
     reduced = laminas.project_z(smooth)
@@ -330,7 +327,7 @@ def through_thickness_basis(
     eigenvalues, snapshots = [], []
     for theta, shift, rough in zip(thetas, shifts, modes, strict=True):
         start = _on_shapes(reduced, shapes, smooth, rough[:, n_rigid(stack) :])
-        exact, vectors = solver.modes(theta, shift, start, n_mode, _TOLERANCE, rigid, _MIN_STEPS)
+        exact, vectors = solver.modes(theta, shift, start, n_mode, _TOLERANCE, rigid, min_steps)
         eigenvalues.append(exact)
         snapshots.append(vectors[:, :n_mode])
     elastic = _elastic(eigenvalues, snapshots, shifts)
@@ -365,12 +362,13 @@ def _enough(
     tolerance: float,
 ) -> Phi:
     """Return as many principal functions of each field as keep the error of the frequencies in the tolerance."""
+    rounding = 1e-15  # energy that no function can win any more
     allowed = 2.0 * tolerance  # an energy error of 2 e is a frequency error of e
     while True:
         keep = {f: max(int(np.count_nonzero(_tail(energy[f]) > allowed)), _FEWEST[f]) for f in FIELDS}
         phi: Phi = {f: la.qr(functions[f][:, : keep[f]], mode="economic")[0] for f in FIELDS}
         error = worst_error(phi)
-        if error < tolerance or allowed < _ROUNDING:
+        if error < tolerance or allowed < rounding:
             return phi
         allowed *= min(0.5, 0.7 * tolerance / error)
 

@@ -18,8 +18,6 @@ from model.solvers.low_rank import Factor, FarProduct, LowRank, factorize, level
 Vector = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_FREE = 1e-8  # of the shift: energy of rigid-body motion below it is rounding
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Group:
@@ -274,6 +272,7 @@ class Solver:
         vector : (size, k)
             Mass-normalised; k is at least `n_mode`.
         """
+        free = 1e-8  # of the shift: energy of rigid-body motion below it is rounding
         mass, stiffness = (self.assembly.krons(target, theta) for target in ("M", "K"))
 
         def product(x: Vector) -> Vector:
@@ -283,7 +282,7 @@ class Solver:
         if rigid is not None:
             block = orthonormalize(rigid, product)
             energy = np.einsum("ij,ij->j", block[0], self.assembly.apply(stiffness, block[0]))
-            known = [block] if np.all(np.abs(energy) < _FREE * shift) else []
+            known = [block] if np.all(np.abs(energy) < free * shift) else []
             start = start if known else np.hstack([rigid, start])
         n_known = sum(basis.shape[1] for basis, _ in known)
         solve = self.factor(theta, shift).solve

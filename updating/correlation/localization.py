@@ -226,8 +226,6 @@ def _clamp_energy(system: ReducedSystem, x: Vector, where: Regions) -> Vector:
 SCATTER = 0.01
 """Errors of places, directions and calibration of the sensors, relative to a shape's root mean square."""
 
-_FLOOR = 0.05  # of the mean strain energy of a region: below it a ratio to it says nothing
-
 
 _OMEGA = "omega"  # the parameter of stiffness that depends on frequency, where there is such
 
@@ -290,9 +288,10 @@ class ErrorMap:
 
         1 is the mean of the kind. Regions that hardly strain are damped towards 0.
         """
+        floor = 0.05  # of the mean strain energy of a region: below it a ratio to it says nothing
         error, strain = self.error.sum(axis=0), self.strain.sum(axis=0)
         mean = strain.mean(axis=(1, 2, 3), keepdims=True)
-        ratio = _over(error, strain + _FLOOR * mean)
+        ratio = _over(error, strain + floor * mean)
         return ratio * _over(mean, error.mean(axis=(1, 2, 3), keepdims=True))
 
     @property

@@ -25,9 +25,6 @@ from updating.errors import PairingError
 
 Vector = NDArray[np.float64]
 
-_TRIALS = 25  # of G_f
-_PAIRED = 0.8
-"""MAC from which a measured mode tells of the force, with the model's shape in its place."""
 _FEWEST_MODES = 4
 _DOUBTFUL, _BETTER = 0.15, 0.25
 """Share of the shape at the force that the stated place leaves at least, and what of it another place leaves at most,
@@ -37,12 +34,8 @@ _SCALE = 1.3
 _WRONG, _RIGHT = 0.2, 0.35
 """Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it where one
 is corrected."""
-_CLOSE = 0.1
-"""Mean distance that a corrected sensor must leave: one side turned makes torsion of bending, and a few modes of a
-poor model lie as near that way round."""
 _GAINS = np.geomspace(1.0 / 40.0, 40.0, 19)
 """Factors that are tried on a sensor, and 1 among them; shapes are right within a quarter."""
-_FAR = 0.2  # of the logarithm of a frequency
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,6 +164,7 @@ def check_rig(
     PairingError
         Measured points do not lie on the stack.
     """
+    trials = 25  # of G_f
     stack = system.stack
     responses = register(stack, measured.geometry, measured.node, measured.direction).observation
     places = _places(system, measured)
@@ -183,7 +177,7 @@ def check_rig(
     observed = observe(system, everywhere)
     equations = system.base(("G_f", "d_f", "pressure"))
     observed = replace(observed, reduced_rows=observed.reduced_rows[:, : equations.size])
-    tried = np.geomspace(*G_f_range, _TRIALS if stack.n_lamina > 1 else 1)
+    tried = np.geomspace(*G_f_range, trials if stack.n_lamina > 1 else 1)
     modes = [
         solve_modes(
             equations,
@@ -235,6 +229,9 @@ def upright(checked: RigCheck) -> RigCheck:
 
 def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     """Return the factor on each component that makes the shapes the model's: one but for a sensor that is wrong."""
+    # Mean distance that a corrected sensor must leave: one side turned makes torsion of bending, and a few modes of a
+    # poor model lie as near that way round.
+    close = 0.1
     fewest_points = 3  # Points that a sensor must have visited to be taken for one that roves.
     sound, sensor = np.ones(measured.sensor.size), measured.sensor
     least = min(_distance(measured, sound, own, n_dof)[0] for own in modes)
@@ -251,7 +248,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     ]
     distance = [min(_distance(measured, gain, own, n_dof)[0] for own in modes) for gain in tried]
     best = int(np.argmin(distance))
-    if distance[best] > min(_RIGHT * least, _CLOSE):
+    if distance[best] > min(_RIGHT * least, close):
         return sound
     return _refined(measured, tried[best], modes, n_dof)
 
@@ -315,11 +312,13 @@ def _distance(
     measured: ModalModel, gain: Vector, modes: Modes, n_dof: int
 ) -> tuple[float, NDArray[np.intp], NDArray[np.intp]]:
     """Return how far measured modes are from the model's in the mean, by shape and frequency, and which are which."""
+    usual_distance = 0.2  # of the logarithm of a frequency
+    least_mac = 0.8  # MAC from which a measured mode tells of the force, with the model's shape in its place
     alike = mac(gain[:, None] * measured.shape, modes.shape[:n_dof])
     apart = np.abs(np.log(measured.frequency[:, None] / modes.frequency))
     row, column = scipy.optimize.linear_sum_assignment(alike - np.minimum(apart, 0.5), maximize=True)
-    far = np.minimum((apart[row, column] / _FAR) ** 2, 1.0) + 1.0 - alike[row, column]
-    paired = alike[row, column] >= _PAIRED
+    far = np.minimum((apart[row, column] / usual_distance) ** 2, 1.0) + 1.0 - alike[row, column]
+    paired = alike[row, column] >= least_mac
     return float(np.mean(far)), row[paired], column[paired]
 
 

@@ -17,8 +17,6 @@ from updating.inference.search import Search
 
 _LOG = logging.getLogger(__name__)
 
-_SHOWN = 8  # single effects whose changes are listed mode by mode
-
 
 def answer_of(
     model: Explained, search: Search, decision: Decision, asked: Sequence[Sequence[str]] = ()
@@ -36,6 +34,7 @@ def answer_of(
     asked : sequence of sequence of str
         Explanations that are predicted in full in any case.
     """
+    most_shown = 8  # single effects whose changes are listed mode by mode
     _LOG.info("weigh %d explanations", len(search.fitted))
     base, left = search.base, decision.left
     first = left[0] if left else base
@@ -75,7 +74,7 @@ def answer_of(
         errors=_errors(model, base, left),
         n_used={state.name: (state.frequency.size, state.frequency.size) for state in model.states},
         signatures={
-            x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:_SHOWN]
+            x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:most_shown]
         },
         ruled_out=tuple(excluded),
         not_visible=tuple(name for name in not_visible(seen) if name not in shown),

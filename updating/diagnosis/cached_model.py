@@ -207,7 +207,6 @@ _KIND = "arrays of Lamella"
 
 _ALIGNED = 64  # bytes
 
-_LONGEST = 2**16  # bytes of the first line
 
 Buffer = NDArray[np.uint8]
 
@@ -250,9 +249,10 @@ def read_arrays(path: Path, origin: Mapping[str, Any]) -> Graph | None:
     path, origin
         As in `write_arrays`.
     """
+    longest = 2**16  # bytes of the first line
     try:
         content = np.fromfile(path, np.uint8)
-        end = int(np.flatnonzero(content[:_LONGEST] == ord("\n"))[0]) + 1
+        end = int(np.flatnonzero(content[:longest] == ord("\n"))[0]) + 1
         head = json.loads(content[:end].tobytes())
         body = content[end:]
         if (head["kind"], head["made"]) != (_KIND, dict(origin)) or head["crc32"] != _checksum(body):

@@ -40,7 +40,6 @@ from model.elements.terms import height_shares
 from updating.errors import PairingError
 from updating.workers.workers import distribute
 
-_FARTHEST = 0.02  # m
 _AT = np.array([-0.016, -0.005, 0.005, 0.016])  # m, where means are taken for the polynomials
 _DEGREE = (
     3,
@@ -95,6 +94,7 @@ def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, i
 
 
 def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
+    farthest = 0.02  # m
     name, what = _name(i, axis), f"clamp {i + 1} sits farther along {'xy'[axis]}"
 
     def terms(assembly: Assembly) -> tuple[Term, ...]:
@@ -124,7 +124,7 @@ def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
         )
 
     parameter = Parameter(
-        name=name, unit="m", nominal=2e-3, lower=-_FARTHEST, upper=_FARTHEST, source="a ruler"
+        name=name, unit="m", nominal=2e-3, lower=-farthest, upper=farthest, source="a ruler"
     )
     return Effect(
         name=name,
@@ -147,7 +147,6 @@ N_MODEL = 20
 MESSAGES = 8
 """In which work is sent to other processes: each holds a model, some 40 MB."""
 DIMENSIONS = ("length", "width", "height")
-_RESIZED = 1e-6  # relative change of a dimension from which its influence is taken
 _FINER = 5 / 3  # elements along each side of the finer mesh; with fewer, some stay as long
 _ORDER = 3  # of the error of frequencies in the size of the elements, as 12 x 3 to 48 x 12 show it
 EXTRAPOLATED = 1.0 / (1.0 - _FINER**-_ORDER)
@@ -263,9 +262,10 @@ def _resized(base: Stack, system: ReducedSystem) -> dict[str, ReducedEquations]:
 
     They are in its own basis, stretched with it: modes differ little, and a Rayleigh quotient by their square.
     """
+    resized = 1e-6  # relative change of a dimension from which its influence is taken
     by_dimension = {}
     for name in DIMENSIONS if base.outline is None else ("height",):
-        for change in (_RESIZED, -_RESIZED):  # smaller where a larger one has more elements
+        for change in (resized, -resized):  # smaller where a larger one has more elements
             stack = replace(base, **{name: (1.0 + change) * getattr(base, name)})
             assembly = assemble(stack).project_z(system.phi)
             if assembly.size == system.assembly.size:

@@ -65,7 +65,6 @@ CONTACT = ("G_f", "d_f")
 RATIOS = ("young", "density", "normal_modulus")
 """Parameters of every stack, as ratios to the values of its file."""
 _RATIO_BOUNDS = (0.5, 2.0)
-_FARTHEST = 8.0  # prior standard deviations that a parameter may move
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -227,6 +226,7 @@ class FitSettings:
         stack : Stack
             What coordinates are relative to.
         """
+        farthest = 8.0  # prior standard deviations that a parameter may move
         # Standard deviation of the logarithm of a contact parameter that each configuration has of its own: a factor of
         # 3.
         own = 1.0
@@ -247,7 +247,7 @@ class FitSettings:
         if level == bearing:
             moved = replace(coordinate, std=std, step=min(coordinate.step, 0.1))
             if level != "all" or name in RATIOS:
-                moved = replace(moved, lower=-_FARTHEST * std, upper=_FARTHEST * std)
+                moved = replace(moved, lower=-farthest * std, upper=farthest * std)
             return self._bounded(moved, name, stack)
         inner = SCOPES.index(level) > SCOPES.index(bearing)
         scatters = inner and level == "configuration"  # by reassembly, always

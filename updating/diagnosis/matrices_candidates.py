@@ -20,7 +20,6 @@ DRIVE = "drive_point"
 """Group of the nodes where the force acts."""
 _USUAL = 0.05
 """Usual strength of a mass or a spring, over its largest."""
-_SENSORS = 0.1  # largest mass of all sensors together, of the structure's
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,6 +46,7 @@ def candidates_of(
     lowest_Hz : float
         Lowest measured frequency: of springs those are usual that move it.
     """
+    most_sensors = 0.1  # largest mass of all sensors together, of the structure's
     mass = 0.3  # largest mass at a place, of the structure's: more is another structure
     every = structure.matrix("M", structure.theta)
     weight = [float(every[rows][:, rows].sum()) for rows in (structure.dof == i for i in (1, 2, 3))]
@@ -83,7 +83,7 @@ def candidates_of(
 
     what = "the mass of sensors, the same at every measured point"
     found["sensor_mass"] = Candidate(
-        effect=_effect("sensor_mass", what, "inertia", _mass("sensor_mass", _SENSORS * total / n_sensor)),
+        effect=_effect("sensor_mass", what, "inertia", _mass("sensor_mass", most_sensors * total / n_sensor)),
         parts=loaded,
     )
     for one in structure.factors:

@@ -42,8 +42,6 @@ Vector = NDArray[np.float64]
 WHOLE: dict[Target, str] = {"K": "stiffness", "M": "mass", "C": "damping"}
 """Nuisances: factors of what no term of the structure file has."""
 _FARTHEST = 8.0  # prior standard deviations that a nuisance may move
-_STATED = 5.0  # times its standard deviation is that of what may be stated wrongly
-_CLOSE = 0.02  # of each factor, within which the error is that of a point where it is known: it grows with the cube
 _MOST_BASES = 6
 
 
@@ -178,8 +176,9 @@ class MatricesModel:
     @property
     def hypotheses(self) -> dict[str, dict[str, float]]:
         """What may have been stated or measured wrongly: of each, the nuisances whose prior it widens."""
+        stated = 5.0  # times its standard deviation is that of what may be stated wrongly
         found = {
-            f"stated_{c.name}": {c.name: _STATED * c.std}
+            f"stated_{c.name}": {c.name: stated * c.std}
             for c in self.nuisances
             if c.name in self.factors and c.name != WHOLE["C"] and not self._bounded(c.name)
         }
@@ -259,9 +258,12 @@ class MatricesModel:
 
     def _holds(self, at: Mapping[str, float]) -> bool:
         """Tell whether the basis is exact enough at some factors, or hardly elsewhere, where that is known."""
+        close = (
+            0.02  # of each factor, within which the error is that of a known point: it grows with the cube
+        )
         exact = 1e-4  # relative error of a frequency from which the structure is reduced anew
         place = np.array([at.get(one.name, one.nominal) for one in self.structure.factors])
-        if not any(np.all(np.abs(place - own) <= _CLOSE * np.abs(own)) for own in self._known_to_hold):
+        if not any(np.all(np.abs(place - own) <= close * np.abs(own)) for own in self._known_to_hold):
             if self.reduced.error(at) > exact:
                 return False
             self._known_to_hold.append(place)

@@ -49,8 +49,6 @@ class Explained(Model, Protocol):
 
 Vector = NDArray[np.float64]
 
-_JUDGED = 16  # explanations whose errors on what is left out are computed
-
 
 def rank(
     model: Explained, search: Search, first: Explanation, named: Collection[Explanation]
@@ -68,11 +66,12 @@ def rank(
     named : collection of Explanation
         See above.
     """
+    most_judged = 16  # explanations whose errors on what is left out are computed
     by_odds = sorted(search.fitted.values(), key=lambda x: -search.odds(x))
     odds = np.array([search.odds(x) for x in by_odds])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
-    judged = {id(x) for x in (*by_odds[:_JUDGED], search.base, first, *named)}
+    judged = {id(x) for x in (*by_odds[:most_judged], search.base, first, *named)}
     sizes = first.evidence.sizes
     most = misfit(search.base, sizes)
     return tuple(

@@ -22,7 +22,6 @@ PRESSURES = (160e3, 320e3)
 CLASSES = {"T1": "torsion 1", "B1": "bending 1", "B2": "bending 2", "T2": "torsion 2"}
 """The modes that published tests of such stacks have in common."""
 
-_STEPS = 6  # from the base model to the stated strength, so that modes can be followed
 _N_MODE = 26
 
 
@@ -110,6 +109,7 @@ def _at(
     system: ReducedSystem, effect: Effect, pressure: float, grid: Observed
 ) -> tuple[tuple[str, ...], tuple[NDArray[np.float64], ...]]:
     """Return names, frequencies without and with, damping without and with, and likeness."""
+    n_step = 6  # from the base model to the stated strength, so that modes can be followed
 
     def solved(share: float) -> Modes:
         values = {p.name: p.neutral + share * (p.nominal - p.neutral) for p in effect.parameters}
@@ -118,7 +118,7 @@ def _at(
             parameters={**values, "pressure": pressure}, by=(),
         ).elastic()  # fmt: skip
 
-    steps = [solved(share) for share in np.linspace(0.0, 1.0, _STEPS)]
+    steps = [solved(share) for share in np.linspace(0.0, 1.0, n_step)]
     base, last = steps[0], steps[-1]
     names, columns = _chosen(system.stack, base)
     mass = system.matrix("M", {**system.theta, "pressure": pressure})

@@ -20,7 +20,6 @@ Vector = NDArray[np.float64]
 
 N_SHARE = 16
 """Equal parts of the contact's energy, each at its own strain, that a mode is averaged over."""
-_STEP = 1e-4  # of a parameter's range, of differences: the law is smooth and costs nothing
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -123,6 +122,7 @@ def slipped(effect: Effect, values: Mapping[str, float], strain: Vector, held: V
     held : (n,)
         Share of each mode's stiffness that the contact holds.
     """
+    relative = 1e-4  # of a parameter's range, of differences: the law is smooth and costs nothing
     least = 0.05  # of a mode's stiffness, that stays however much slips
 
     def at(**moved: float) -> tuple[Vector, Vector]:
@@ -133,7 +133,7 @@ def slipped(effect: Effect, values: Mapping[str, float], strain: Vector, held: V
     root, added = at()
     root_slope, added_slope = np.zeros((2, root.size, len(effect.parameters)))
     for i, p in enumerate(effect.parameters):
-        step = _STEP * (p.upper - p.lower)
+        step = relative * (p.upper - p.lower)
         low, high = max(values[p.name] - step, p.lower), min(values[p.name] + step, p.upper)
         before, after = at(**{p.name: low}), at(**{p.name: high})
         root_slope[:, i], added_slope[:, i] = (

@@ -17,7 +17,6 @@ from updating.inference.levels import FALLS, INADEQUATE, NAMED
 from updating.results.text import percent, quantity, together
 
 _LISTED = 3  # explanations that are listed in a sentence
-_MOST = 0.5  # share of the misfit from which it is most of it
 _ERRORS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
 _MOST_LEFT = {
     "frequency": STIFFNESS.quantile(1.0 - INADEQUATE) / float(np.sqrt(2.0)),
@@ -103,6 +102,7 @@ def further_effects(diagnosis: Diagnosis) -> tuple[tuple[str, ...], ...]:
 
 def _verdict(diagnosis: Diagnosis) -> str:
     """Write the sentence that a customer needs."""
+    most = 0.5  # share of the misfit from which it is most of it
     base = diagnosis.ranked(())
     if diagnosis.verdict == "nothing missing":
         return (
@@ -139,7 +139,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
         )
     if diagnosis.verdict == "partly explained":
         near = f" Nearly as likely: {others}." if others else ""
-        start = "Most" if diagnosis.explained > _MOST else "Part"
+        start = "Most" if diagnosis.explained > most else "Part"
         return f"{start} of the misfit ({share}) is {what}{_said(first)}. {_change(base, first, 'With it')}{near}"
     where = (
         "Not the model but the measurement"

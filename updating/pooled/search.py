@@ -44,7 +44,6 @@ LOOSE = 3.0
 _LADDER = np.linspace(-1.2, 1.2, 9)  # of ln G_f, on which each specimen starts
 BEHIND = 8.0
 """Log odds by which a term may fall short of the least promise and is still fitted."""
-_SETTLED = 0.1  # of the logarithm of a scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +192,7 @@ def settled(
 
     These are the scatter of contact from specimen to specimen, the shares of the discrepancy, and the noise of shapes.
     """
+    least_moved = 0.1  # of the logarithm of a scale
     assert common.tree is not None
     scatter = scatter_of(model, best)
     shares = shares_of(best)
@@ -205,7 +205,7 @@ def settled(
     return (
         model.with_scatter(scatter),
         replace(common, noise=noise, tree=tree),
-        bool(np.max(np.abs(moved)) > _SETTLED),
+        bool(np.max(np.abs(moved)) > least_moved),
     )
 
 

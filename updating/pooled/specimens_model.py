@@ -20,7 +20,6 @@ from updating.pooled.specimen import Level, Specimen
 Vector = NDArray[np.float64]
 
 HEIGHT = "height"
-_WIDE = 0.3  # of ln G_f from specimen to specimen, from which a basis is made at the ends, too
 
 
 class SpecimensModel:
@@ -146,6 +145,7 @@ class SpecimensModel:
 
     def about(self, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> SpecimensNear:
         """Return the model near some points of the coordinates."""
+        wide = 0.3  # of ln G_f from specimen to specimen, from which a basis is made at the ends, too
         local, names = self.local_of(coordinates), [c.name for c in coordinates]
         nears = []
         for g, group in enumerate(self.groups):
@@ -155,7 +155,7 @@ class SpecimensModel:
                 values = np.array([self.values(at, s, of_group) for s in group.members])
                 middle = np.mean(values, axis=0)
                 where.append(middle)
-                if self.first.touching and np.ptp(values[:, 0]) > 2.0 * _WIDE:
+                if self.first.touching and np.ptp(values[:, 0]) > 2.0 * wide:
                     where += [values[np.argmin(values[:, 0])], values[np.argmax(values[:, 0])]]
             nears.append(group.model.about(of_group, where))
         return SpecimensNear(self, coordinates, [self.in_group(g, local) for g in range(len(nears))], nears)

@@ -27,9 +27,6 @@ _TONE: dict[Verdict, str] = {
 }
 
 
-_MAPS = 3  # of configurations; beside the steps they fill two rows
-
-
 def opening_section(results: Results, configurations: Sequence[Section] = ()) -> Section:
     """Make the section that a reader sees first.
 
@@ -271,10 +268,11 @@ def _update_sentences(results: Results, configurations: str) -> tuple[str, ...]:
 
 def _places(results: Results, configurations: Sequence[Section]) -> list[Picture]:
     """Return the pictures of where the model fails, side by side; those that more modes show stand first."""
+    most_maps = 3  # of configurations; beside the steps they fill two rows
     maps = {p.name: p for part in configurations for p in part.pictures if p.name.startswith("error_map_")}
     fits = [t.fit for t in results.tested if t.fit is not None]
     order = sorted(fits, key=lambda fit: (-fit.pairing.measured.size, -fit.error))
-    return [maps[name] for fit in order if (name := f"error_map_{fit.name}") in maps][:_MAPS]
+    return [maps[name] for fit in order if (name := f"error_map_{fit.name}") in maps][:most_maps]
 
 
 def answer_section(results: Results) -> Section:

@@ -20,8 +20,6 @@ from updating.report.results import Results
 from updating.results.text import percent
 from updating.results.what_changed import AXES, KindOfChange, WhatChanged, separation, size_text
 
-_WIDE = 16  # characters of a line below a bar
-
 _KINDS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
 
 _ERRORS = {
@@ -254,8 +252,9 @@ def _mode_name(change: ModeChange) -> str:
 
 def _bar_names(way: Sequence[Step]) -> list[str]:
     """Return what stands below the bars: the base model, what was added, and what is left."""
+    wide = 16  # characters of a line below a bar
     added = [f"+ {step.name}" for step in way[1:]]
-    return ["<br>".join(textwrap.wrap(name, _WIDE)) for name in (way[0].name, *added, "what is left")]
+    return ["<br>".join(textwrap.wrap(name, wide)) for name in (way[0].name, *added, "what is left")]
 
 
 def what_changed_section(what_changed: WhatChanged) -> Section:

@@ -31,13 +31,6 @@ _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^"}
 _DASHES = {"dot": ":", "dash": "--"}
 
 
-_MOST_NUMBERS = 24  # that can be read there as they are
-
-_SHORT = 4  # characters of such a number
-
-_BESIDE = 60  # characters of all names that need not be turned
-
-
 @dataclass(frozen=True, kw_only=True)
 class Chart:
     """A figure in plotly's terms.
@@ -290,15 +283,18 @@ def _set_axis(
 
 
 def _name_places(axes: Axes, key: Literal["x", "y"], names: list[Any]) -> None:
+    shortest = 4  # characters of such a number
+    beside = 60  # characters of all names that need not be turned
+    most_numbers = 24  # that can be read there as they are
     most_names = 60  # that can be read below a figure, where they are turned
     if names and isinstance(names[0], tuple):  # the group's name where there are several
         together = len({group for group, _ in names}) > 1
         names = [", ".join(pair) if together else pair[1] for pair in names]
     texts = [name.replace("<br>", "\n") for name in names]
     length = [max(map(len, text.split("\n"))) for text in texts]
-    short = max(length) <= _SHORT
-    step = -(-len(texts) // (_MOST_NUMBERS if short else most_names))
-    close = sum(length) > _BESIDE or axes.get_aspect() != "auto"  # a matrix is as narrow as its squares
+    short = max(length) <= shortest
+    step = -(-len(texts) // (most_numbers if short else most_names))
+    close = sum(length) > beside or axes.get_aspect() != "auto"  # a matrix is as narrow as its squares
     turned = key == "x" and close and not short
     style: dict[str, Any] = {"rotation": 60, "ha": "right", "rotation_mode": "anchor"} if turned else {}
     setter = axes.set_xticks if key == "x" else axes.set_yticks

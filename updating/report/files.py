@@ -341,9 +341,6 @@ def shape_gif(pair: ShapePair) -> bytes:
     return out.getvalue()
 
 
-_MOST = 6  # explanations of a ranking that are listed
-
-
 @html_of.register(Fit)
 def fit_html(fit: Fit) -> str:
     """Write G_f, d_f, the error and the findings, and list the pairs."""
@@ -377,6 +374,7 @@ def fit_figure(fit: Fit) -> Figure:
 @html_of.register(Diagnosis)
 def diagnosis_html(diagnosis: Diagnosis) -> str:
     """Say the answer in one sentence, and list the most probable explanations."""
+    most = 6  # explanations of a ranking that are listed
     rows = [
         (
             " and ".join(diagnosis.labels.get(e, e) for e in ranked.effects) or "base model",
@@ -385,7 +383,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
             percent(ranked.left_out_error) if np.isfinite(ranked.left_out_error) else "",
             "; ".join(interval_text(p) for p in ranked.parameter),
         )
-        for ranked in diagnosis.shown(_MOST)
+        for ranked in diagnosis.shown(most)
     ]
     header = ("explanation", "probability", "frequency error", "of modes left out", "parameters")
     return f"<p><em>{escape(diagnosis.verdict)}</em></p>" + html_table(headline(diagnosis), header, rows)

@@ -29,10 +29,6 @@ _NAMES = ("fitted", "mode held out", "configuration held out")
 APART = 3.0
 """Error of configurations held out, over that of modes held out, from which the page says what it is of."""
 
-_WIDE = 16  # characters of a model's name beside its bars
-
-_LINE = 20  # px of each of its lines
-
 
 _SHADES = (palette.USED, palette.LEFT_OUT, palette.ELSEWHERE)
 
@@ -107,10 +103,11 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
 
 def ledger_chart(entries: Sequence[Entry]) -> Chart:
     """Return the errors of each model as bars, those of damping ratios below those of frequencies."""
+    line = 20  # px of each of its lines
     gap = 0.14  # of the height of a chart, between two axes for the title of the upper one
     kinds = _kinds(entries)
     names = [_short_name(entry) for entry in entries]
-    entry_height = max(70, _LINE * max(name.count("<br>") + 1 for name in names))
+    entry_height = max(70, line * max(name.count("<br>") + 1 for name in names))
     traces, layout = [], {}
     for row, kind in enumerate(kinds, start=1):
         place = "" if row == 1 else str(row)
@@ -143,8 +140,9 @@ def ledger_chart(entries: Sequence[Entry]) -> Chart:
 
 def _short_name(entry: Entry) -> str:
     """Return the effects of a line by their labels, in lines that leave a phone room for the bars."""
+    wide = 16  # characters of a model's name beside its bars
     names = ("base model", *(f"+ {label.partition(' (')[0]}" for label in printed_effects(entry.effects)))
-    return "<br>".join(line for name in names for line in textwrap.wrap(name, _WIDE))
+    return "<br>".join(line for name in names for line in textwrap.wrap(name, wide))
 
 
 def model_name(entry: Entry) -> str:

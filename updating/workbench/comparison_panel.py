@@ -28,8 +28,6 @@ from updating.workbench.opened import Opened, empty, figure, moving_page, moving
 
 TITLE, ICON = "Comparison", "mdi-compare"
 
-_BEYOND = 3  # model modes above the last that is paired
-
 
 def frequencies_chart(tested: Tested, fit: ModelFit) -> Chart:
     """Draw frequency errors with the measurement's 95 % intervals over damping ratios, of all pairs."""
@@ -112,11 +110,12 @@ class _Comparison:
 
     def draw(self) -> None:
         """Draw the configuration beside the model that was chosen."""
+        beyond = 3  # model modes above the last that is paired
         state, tested, fit = self.state, self._tested, self._model()
         state.has_fit = fit is not None and fit.pairing.measured.size > 0
         if tested is None or fit is None or not state.has_fit:
             return
-        last = int(fit.pairing.model.max()) + _BEYOND
+        last = int(fit.pairing.model.max()) + beyond
         value = fit.pairing.mac[:, :last]
         columns = fit.modes.frequency[:last]
         state.mac = figure(mac_chart(value, tested.measured.frequency, columns, "model", "measured"))
