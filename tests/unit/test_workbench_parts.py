@@ -1,7 +1,7 @@
 """What the workbench computes and writes, without its page."""
 
 import asyncio
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,7 +14,7 @@ from updating.results.store import write_result
 from updating.workbench.identification_panel import toggled, write_identification
 from updating.workbench.measurement_panel import sources
 from updating.workbench.opened import Command, find, followed
-from updating.workbench.what_if import STEPS, Knob, Outcome, outcome_chart, response
+from updating.workbench.what_if import STEPS, Knob, Outcome, outcome, outcome_chart, response
 
 DEMO = Path(__file__).parents[2] / "data" / "demo_diagnosis" / "campaign.toml"
 G_F = Knob(name="G_f", unit="Pa/Pa", lower=100.0, upper=10_000.0, start=1280.0, logarithmic=True)
@@ -51,6 +51,29 @@ def test_what_the_model_does_now_is_drawn_beside_what_it_did_before():
     np.testing.assert_allclose(before["y"], [1.0, -1.0])
     np.testing.assert_allclose(now["y"], [0.0, 0.0], atol=1e-12)
     assert now["x"] == ["1: 100 Hz", "3: 200 Hz"]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Elastic modes of a model at four points."""
+
+    frequency: np.ndarray
+    shape: np.ndarray
+
+    def elastic(self):
+        return self
+
+
+def test_what_is_tried_is_paired_near_its_frequency_and_not_with_what_looks_a_little_more_alike_far_above():
+    near, above = np.array([[0.9, 0.3], [-0.3, 0.9], [0.3, 0.0], [0.0, 0.3]]), [0.2, 0.97, 0.1, 0.1]
+    solved = Solved(np.array([101.0, 102.0, 340.0]), np.column_stack([near, above]))
+    tried = SimpleNamespace(
+        solved=lambda _: solved, used=np.ones(2, bool), natural=np.ones(1), ratio=np.ones(1),
+        measured=SimpleNamespace(frequency=np.array([100.0, 103.0]), shape=np.eye(4, 2, dtype=complex)),
+    )  # fmt: skip
+    now = outcome(tried, {})
+    assert now.likeness[1] < 0.9
+    np.testing.assert_array_equal(now.model, [101.0, 102.0])
 
 
 def test_the_function_of_a_mass_on_a_spring_is_that_of_the_textbook():

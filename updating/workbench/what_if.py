@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Configuration
@@ -32,10 +31,11 @@ from model import (
     solve_modes,
 )
 from updating.correlation.pairing import LEAST_MAC, N_MODE, pair
-from updating.correlation.registration import register, visible
+from updating.correlation.registration import register
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.cached_model import kept_model
 from updating.diagnosis.candidates import CandidateModel
+from updating.diagnosis.evidence import pair as likeliest
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.explained_model import explained_stack, finer_ratio
 from updating.diagnosis.fit_settings import CONTACT
@@ -310,8 +310,7 @@ def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
     modes = solved.elastic()
     shape = real_shape(tried.measured.shape)
     likeness = mac(shape, modes.shape)
-    visible_likeness = np.where(visible(modes.shape), likeness, 0.0)
-    column = scipy.optimize.linear_sum_assignment(visible_likeness, maximize=True)[1]
+    column = likeliest(shape, tried.measured.frequency, modes.shape, modes.frequency)[1]
     mode = np.flatnonzero(tried.used)
     measured, model = tried.measured.frequency[mode], modes.frequency[column[mode]]
     return Outcome(
