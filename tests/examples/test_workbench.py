@@ -13,6 +13,7 @@ import pytest
 from rich.console import Console
 
 from ema import read_poles
+from ema.plot import palette
 from tests.accessible import faults, settled, unreached
 from updating.commands.fit import fit_campaign
 from updating.diagnosis.answer import Diagnosis
@@ -175,6 +176,10 @@ def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
       plot.emit('plotly_click', { points: [{ pointNumber: 4, curveNumber: plot.data.length - 1 }] }); })()"""
     page.evaluate(click)
     page.wait_for_function(f"{names}.includes('5+z over')")
+    lines = (
+        "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.line?.color).filter(Boolean)"
+    )
+    assert page.evaluate(lines)[:2] == [palette.MEASURED, palette.MODES]  # as in the report
     about, others = findings(read_results(folder[1]).tested[0], 5)
     for name, told in (("about", about), ("others", others)):
         lines = page.locator(f"#{name} li")
@@ -353,8 +358,11 @@ def test_a_command_runs_beside_the_page_and_can_be_stopped(page):
 def test_the_report_is_written(page, folder):
     enter(page, "Report")
     page.wait_for_function("document.querySelector('#sections').value.includes('Provenance')")
+    file = folder[1] / "report.html"
+    says(page, "#report-text", f"The report will be in {file}.")
     page.locator("#write-report").click()
     says(page, "#said-report", "Done.")
+    says(page, "#report-text", f"The report is in {file};")
     assert "plotly" in (folder[1] / "report.html").read_text(encoding="utf-8")
 
 

@@ -12,7 +12,7 @@ from model import Contact, catalogue, read_stack
 from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.fitting.fit import ParameterEstimate
 from updating.report.results import Results
-from updating.workbench import diagnosis_panel
+from updating.workbench import comparison_panel, diagnosis_panel, identification_panel, what_if_panel
 from updating.workbench.diagnosis_panel import CHANGES
 from updating.workbench.what_if import (
     FIRST,
@@ -148,6 +148,28 @@ def test_what_is_about_to_be_replaced_is_grey_and_says_so_until_the_command_has_
     asyncio.run(whole())
     assert state.stale == ""
     assert not state.has_changes
+
+
+@pytest.mark.parametrize(
+    ("panel", "flag"),
+    [(identification_panel, "stabilizing"), (comparison_panel, "comparing"), (what_if_panel, "preparing")],
+)
+def test_what_a_panel_holds_is_grey_until_it_has_read_the_configuration_that_is_chosen(panel, flag):
+    entered = []
+
+    class Page(State):
+        def update(self, given):
+            vars(self).update(given)
+
+        def change(self, *names):
+            return entered.append if "panel" in names else lambda call: call
+
+    state = Page()
+    panel.panel(SimpleNamespace(state=state, controller=SimpleNamespace()), None)
+    assert getattr(state, flag)
+    setattr(state, flag, False)
+    entered[0](panel="Measurement", configuration="M2")
+    assert getattr(state, flag)
 
 
 def test_a_report_makes_nothing_grey(monkeypatch):

@@ -120,6 +120,14 @@ def identified_table(tested: Tested) -> Table:
     )
 
 
+COMPLEXITY = (
+    "A real shape has MPC 1 and MCF 0: all components in phase or against it. MPD and phase scatter are the mean and "
+    f"the root mean square of how far phases are off their line. Modes with an MPC below {LEAST_MPC:g} are too complex "
+    "(Pappa, Elliott and Schenk, NASA TM-107607, 1992)."
+)
+"""What the measures of how complex a shape is say."""
+
+
 def complexity_table(tested: Tested) -> Table:
     """List how complex the shapes are, and which of them cannot be compared as real."""
     measures = complexity(tested.measured)
@@ -142,9 +150,7 @@ def complexity_table(tested: Tested) -> Table:
             )
             for r, (f, p, d, c, s, wrong) in enumerate(columns, start=1)
         ),
-        note="A real shape has MPC 1 and MCF 0: all components in phase or against it. MPD and phase scatter are the "
-        "mean and the root mean square of how far phases are off their line. Modes with an MPC below "
-        f"{LEAST_MPC:g} are too complex (Pappa, Elliott and Schenk, NASA TM-107607, 1992).",
+        note=COMPLEXITY,
         folded=not np.any(measures.is_complex),  # a page on a phone is long enough
     ).without_empty_columns()  # fmt: skip
 

@@ -59,7 +59,7 @@ def panel(server: Any, opened: Opened) -> None:
     server.state.update(
         {
             "mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False,
-            "place": empty(), "place_text": "", "locating": False, "comparing": False, "compared": FOUND,
+            "place": empty(), "place_text": "", "locating": False, "comparing": True, "compared": FOUND,
             "compared_models": [], "compared_text": "",
             "change_text": "", "shifts": empty(), "change_mac": empty(), "change_head": [], "change_rows": [],
             "change_functions": empty(), "has_functions_beside": False, "what_changed": [],
@@ -71,6 +71,8 @@ def panel(server: Any, opened: Opened) -> None:
 
     @server.state.change("panel", "configuration")
     def enter(panel: str, **_: Any) -> None:
+        # what the panel holds may be of another configuration until it is entered
+        server.state.comparing = True
         if panel == TITLE:
             asyncio.get_running_loop().create_task(comparison.begin())
 
@@ -89,8 +91,6 @@ class _Comparison:
     async def begin(self) -> None:
         """Solve the models of the configuration in the background, and show it beside them."""
         name = self.state.configuration
-        with self.state as state:
-            state.comparing = True
         tested, remarks = await asyncio.to_thread(self.opened.modelled, name)
         if name != self.state.configuration:
             return  # another was chosen meanwhile

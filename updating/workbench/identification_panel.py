@@ -169,7 +169,7 @@ def panel(server: Any, opened: Opened) -> None:
         {
             "stabilization": empty(), "poles": [], "synthesis": empty(), "auto_mac": empty(), "poles_text": "",
             "band": [0.0, 1.0], "lines": [0.0, 1.0], "order": _ORDERS[0], "pole_shape": "", "pole_text": "",
-            "runs": empty(), "has_runs": False,
+            "runs": empty(), "has_runs": False, "stabilizing": True,
         }
     )  # fmt: skip
     picking = _Picking(server, opened)
@@ -181,8 +181,10 @@ def panel(server: Any, opened: Opened) -> None:
 
     @server.state.change("panel", "configuration")
     def enter(panel: str, **_: Any) -> None:
+        # what the panel holds may be of another configuration until it is entered
+        server.state.stabilizing = True
         if panel == TITLE:
-            picking.begin()
+            asyncio.get_running_loop().create_task(picking.enter())
 
     @server.state.change("point")
     def choose_point(**_: Any) -> None:
@@ -204,6 +206,16 @@ class _Picking:
         self._order = 0  # that the identification had
         self._moves = 0  # of the handles
         self._drawn: tuple[float, float, int] | None = None  # band and order of the chart
+
+    async def enter(self) -> None:
+        """Begin once the page shows that it does not yet hold the configuration."""
+        sent = 0.05  # s, in which the page gets what has changed: what follows leaves it no time
+        await asyncio.sleep(sent)
+        with self.state as state:
+            try:
+                self.begin()
+            finally:
+                state.stabilizing = False
 
     def begin(self) -> None:
         """Begin with the poles that are written, or those that were identified."""
@@ -362,6 +374,19 @@ def show(server: Any) -> None:
         "shows its shape. The functions are those of the point of the panel Measurement.",
         classes="text-body-2",
     )
+    vuetify3.VProgressLinear(indeterminate=True, v_if="stabilizing")
+    html.P("Reading the functions and drawing their poles, which takes some seconds.", v_if="stabilizing")
+    with html.Div(
+        classes=("{ stale: stabilizing }",),
+        style=("{ visibility: stabilizing && !poles.length ? 'hidden' : 'visible' }",),
+    ):
+        _chart(controller)
+
+
+def _chart(controller: Any) -> None:
+    """Show handles, stabilisation chart, chosen poles, and what they make of the functions."""
+    from trame.widgets import html, vuetify3
+
     with html.Div(classes="d-flex flex-wrap ga-6 mt-2", id="handles"):
         vuetify3.VRangeSlider(
             v_model=("band",), min=("lines[0]",), max=("lines[1]",), step=("(lines[1] - lines[0]) / 1000",),

@@ -18,7 +18,9 @@ from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
 from updating.correlation.plots import synthesized
 from updating.report.chart import Chart, axis, single
+from updating.report.modes_part import COMPLEXITY
 from updating.report.results import Tested
+from updating.results.text import Z95, uncertain
 from updating.workbench.opened import Opened, empty, figure, plot
 
 TITLE, ICON = "Measurement", "mdi-access-point"
@@ -128,13 +130,15 @@ def functions_chart(tested: Tested, frf: FRF, point: int) -> Chart:
     ]
     traces: list[dict[str, Any]] = []
     for k, (o, i) in enumerate(pairs):
-        name, color = (
-            f"{lines.output.name(o)} over {lines.input.name(i)}",
-            palette.SERIES[k % len(palette.SERIES)],
+        name = f"{lines.output.name(o)} over {lines.input.name(i)}"
+        color, of_modes = (
+            (palette.MEASURED, palette.MODES)  # of several, each has a colour of its own
+            if len(pairs) == 1
+            else (palette.SERIES[k % len(palette.SERIES)], palette.QUIET)
         )
         for value, label, style in (
             (lines.value[o, i], name, {"color": color, "width": 2}),
-            (fitted[o, i], f"{name}, from the modes", {"color": palette.QUIET, "width": 1, "dash": "dot"}),
+            (fitted[o, i], f"{name}, from the modes", {"color": of_modes, "width": 1, "dash": "dot"}),
         ):
             x = single(lines.frequency)
             traces += [
@@ -182,7 +186,8 @@ def modes_rows(tested: Tested) -> list[dict[str, str]]:
     m, measures = tested.measured, complexity(tested.measured)
     return [
         {
-            "mode": str(r + 1), "frequency": f"{m.frequency[r]:.2f}", "damping": f"{100 * m.damping[r]:.3g}",
+            "mode": str(r + 1), "frequency": uncertain(m.frequency[r], Z95 * m.frequency_std[r]),
+            "damping": uncertain(100.0 * m.damping[r], 100.0 * Z95 * m.damping_std[r]),
             "mpc": f"{measures.mpc[r]:.3f}", "mpd": f"{measures.mpd[r]:.1f}", "mcf": f"{measures.mcf[r]:.3f}",
             "scatter": f"{measures.phase_scatter[r]:.1f}",
             "finding": "too complex to be compared as real" if measures.is_complex[r] else "",
@@ -289,6 +294,7 @@ def show(server: Any) -> None:
         keys = ("mode", "frequency", "damping", "mpc", "mpd", "mcf", "scatter", "finding")
         cells = "".join(f"<td>{{{{ row.{key} }}}}</td>" for key in keys)
         html.Tbody(f'<tr v-for="row in modes" :key="row.mode">{cells}</tr>')
+    html.P(f"± is half the 95 % interval. {COMPLEXITY}", classes="text-caption")
 
 
 def _list(title: str, key: str, none: str) -> Sequence[Any]:

@@ -18,7 +18,7 @@ def panel(server: Any, opened: Opened) -> None:
     state = server.state
     state.update(
         {
-            "with_kinds": [], "sections": [], "asked_sections": [], "report_file": str(opened.folder / "report.html"),
+            "with_kinds": [], "sections": [], "asked_sections": [], "report_text": "",
         }
     )  # fmt: skip
 
@@ -28,6 +28,12 @@ def panel(server: Any, opened: Opened) -> None:
             all_titles = list(titles(opened.results()))
             kept = [title for title in state.asked_sections if title in all_titles]
             state.sections, state.asked_sections = all_titles, kept or all_titles
+            file = opened.folder / "report.html"
+            state.report_text = (
+                f"The report is in {file}; open that file in any browser."
+                if file.exists()
+                else f"The report will be in {file}."
+            )
 
     @server.controller.set("report")
     def report() -> None:
@@ -57,4 +63,4 @@ def show(server: Any) -> None:
         disabled=("!!running || asked_sections.length === 0",), color="primary", id="write-report",
     )  # fmt: skip
     log(server.controller, "-report")
-    html.P("It is written to {{ report_file }}; open that file in any browser.", classes="text-body-2 mt-3")
+    html.P("{{ report_text }}", classes="text-body-2 mt-3", id="report-text")

@@ -62,7 +62,7 @@ def panel(server: Any, opened: Opened) -> None:
     server.state.update(
         {
             "effect_list": [], "tried_effects": [], "sliders": [], "outcome": empty(), "outcome_text": "",
-            "preparing": False, "what_if_text": "", "response": empty(), "channel": 0, "channels": [],
+            "preparing": True, "what_if_text": "", "response": empty(), "channel": 0, "channels": [],
             "fitted_text": "", "fitting": False, "can_be_set": False,
         }
     )  # fmt: skip
@@ -78,6 +78,8 @@ def panel(server: Any, opened: Opened) -> None:
 
     @server.state.change("panel", "configuration", "tried_effects")
     def enter(panel: str, **_: Any) -> None:
+        # what the panel holds may be of another configuration until it is entered
+        server.state.preparing = True
         if panel == TITLE:
             asyncio.get_running_loop().create_task(what_if.begin())
 
