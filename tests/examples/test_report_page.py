@@ -123,6 +123,12 @@ ALL_DRAWN = """async () => {  // charts are drawn in view; how many there are
   }
   return charts.length;
 }"""
+MAP_HEIGHT = """async () => {  // of the first picture of where the model fails, px
+  const chart = document.querySelector('img[alt="Error over the stack"]').closest(".chart");
+  chart.scrollIntoView();
+  while (!chart.querySelector(".js-plotly-plot")?._fullLayout) await new Promise(requestAnimationFrame);
+  return chart.querySelector(".js-plotly-plot")._fullLayout.height;
+}"""
 SECONDS = 300.0  # a few are enough, but the machine may have other work
 
 
@@ -401,6 +407,7 @@ def test_on_a_phone_parts_are_folded_and_open_by_tap_link_and_all_at_once(small_
         every = shown.evaluate("[...document.querySelectorAll('main section:not(#answer)')].map((e) => e.id)")
         assert shown.evaluate(hidden) == every
         folded = shown.evaluate("document.documentElement.scrollHeight")
+        assert shown.evaluate(MAP_HEIGHT) <= 240  # which shows both ends of the stack
         part = shown.get_by_role("button", name="Provenance")
         assert part.get_attribute("aria-expanded") == "false"
         part.press("Enter")

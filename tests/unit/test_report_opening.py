@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
-from updating.report.answer import headline, opening
+from updating.report.answer import headline, opening, opening_section
 from updating.report.change_part import mode_changes, mode_picture, step_chart, step_picture, steps
 from updating.report.chart import printed
 from updating.report.location_part import _surface
+from updating.report.part import Picture, Section
 from updating.report.results import Results
 
 NAN = float("nan")
@@ -138,6 +139,26 @@ def test_the_way_of_the_error_goes_from_the_base_model_over_each_effect_to_what_
     bars = printed(step_chart(way), (6.4, 3.6)).axes[0].containers[1]
     assert [b.get_height() for b in bars] == pytest.approx([4.3, 2.7, 1.46, 0.14])
     assert [b.get_y() for b in bars] == pytest.approx([0.0, 1.6, 0.14, 0.0])
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_where_the_model_fails_stands_side_by_side_of_all_configurations(n):
+    names = [f"M{k}" for k in range(n)]
+    blank = Picture(name="", content=b"", form="svg", data="", alt="", caption="", width="half")
+    maps = tuple(Section(title=name, blocks=(replace(blank, name=f"error_map_{name}"),)) for name in names)
+    fit = SimpleNamespace(pairing=SimpleNamespace(measured=np.arange(3)), error=0.01)
+    tested = tuple(
+        SimpleNamespace(name=name, identified=None, fit=SimpleNamespace(name=name, **vars(fit)))
+        for name in names
+    )
+    own = diagnosis(
+        verdict="identified", set=(("clamp_mass",),), steps=(BASE, MASS),
+        errors=(ModeError(configuration="M1", mode=1, frequency=100.0, base=0.02, explained=0.001, std=0.0),),
+    )  # fmt: skip
+    _, *pictures = opening_section(results(diagnosis=own, tested=tested), maps).blocks
+    halves = [picture.name for picture in pictures if picture.width == "half"]
+    assert len(halves) % 2 == 0
+    assert halves[-n:] == [f"error_map_{name}" for name in names][-n:] or n == 0
 
 
 def test_nothing_that_was_added_has_no_steps():

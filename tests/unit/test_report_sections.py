@@ -58,11 +58,11 @@ def test_the_ledger_says_and_lists_what_the_best_effect_brings():
     two = (entry(error=0.10), entry("a", error=0.02), entry("b", error=0.04))
     section = ledger_section(results(ledger=two))
     assert section.text == (
-        "With a the mean frequency error goes from 10.00 % to 2.00 % on the data fitted, and from 15.00 % to 3.00 % "
-        "on modes held out.",
+        "With a the mean frequency error goes from 10 % to 2.0 % on the data fitted, and from 15 % to 3.0 % on modes "
+        "held out.",
     )
     errors = section.blocks[1]
-    assert errors.rows[1] == ("base + a", "2.00", "3.00", "")
+    assert errors.rows[1] == ("base + a", "2.0", "3.0", "")
     assert "damping" not in " ".join(errors.header)
 
 

@@ -37,12 +37,12 @@ def opening_section(results: Results, configurations: Sequence[Section] = ()) ->
     configurations : sequence of Section
         Sections of the configurations; their pictures of where the model fails are shown here, too.
     """
-    way, modes = steps(results), mode_changes(results)
-    pictures = [
-        *([step_picture(way)] if way else []),
-        *_places(results, configurations),
-        *([mode_picture(modes)] if modes else []),
-    ]
+    way, modes, maps = steps(results), mode_changes(results), _places(results, configurations)
+    first = [step_picture(way)] if way else []
+    if way and modes and len(maps) % 2 == 0:  # then both share the first row, and maps stand side by side
+        pictures = [*first, mode_picture(modes, width="half"), *maps]
+    else:
+        pictures = [*first, *maps, *([mode_picture(modes)] if modes else [])]
     return Section(title="Answer", text=results.remarks, blocks=(opening(results), *pictures))
 
 
@@ -299,8 +299,8 @@ def before_after_table(results: Results) -> Table:
     rows = [
         (
             t.name,
-            f"{100 * fit.error:.2f}",
-            f"{100 * identified.fit.error:.2f}",
+            in_percent(fit.error),
+            in_percent(identified.fit.error),
             f"{fit.pairing.paired_mac.mean():.3f}",
             f"{identified.fit.pairing.paired_mac.mean():.3f}",
             "" if np.isnan(identified.base_frac) else f"{identified.base_frac:.3f}",
@@ -342,7 +342,7 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
                 else (
                     str(t.fit.pairing.measured.size),
                     *(("", "") if t.opt is None else map(estimate_text, (t.opt.G_f, t.opt.d_f))),
-                    f"{100 * t.fit.error:.2f}",
+                    in_percent(t.fit.error),
                     f"{t.fit.pairing.paired_mac.min():.4f}",
                 )
             ),
@@ -384,7 +384,8 @@ def explanation_table(results: Results) -> Table:
                 in_percent(explanation.frequency_error),
                 in_percent(explanation.left_out_error),
                 "; ".join(
-                    f"{p.name} {p.value:.3g} ({p.lower:.3g} to {p.upper:.3g}){'' if p.unit == '1' else ' ' + p.unit}"
+                    f"{p.name} {quantity(p.value, p.unit)} ({quantity(p.lower, p.unit, p.value)} to "
+                    f"{quantity(p.upper, p.unit, p.value)})"
                     for p in explanation.parameter
                 ),
             )

@@ -6,6 +6,7 @@ import itertools
 import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from updating.diagnosis.answer import Diagnosis, Telling, telling
 from updating.report.chart import Chart, axis, charted, single
 from updating.report.part import Picture, Section, Table, as_csv
 from updating.report.results import Results
-from updating.results.text import percent
+from updating.results.text import in_percent, percent
 from updating.results.what_changed import AXES, KindOfChange, WhatChanged, separation, size_text
 
 _KINDS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
@@ -175,14 +176,14 @@ def step_chart(way: Sequence[Step]) -> Chart:
     for key, (label, color) in _ERRORS.items():
         value = [getattr(step, key) for step in way]
         fall = [100.0 * (after - before) for before, after in itertools.pairwise(value)]
-        steps = [f"{'+' if f > 0.0 else ''}{percent(0.01 * f)}" for f in fall]
+        steps = [f"{'+' if f > 0.0 else ''}{in_percent(0.01 * f)}" for f in fall]
         marker = {"color": color}
         traces.append(
             {
                 "type": "waterfall", "name": label, "offsetgroup": key, "x": names,
                 "measure": ["absolute", *("relative" for _ in fall), "total"],
                 "y": [100.0 * value[0], *fall, 0.0],
-                "text": [percent(value[0]), *steps, percent(value[-1])],
+                "text": [in_percent(value[0]), *steps, in_percent(value[-1])],
                 "textposition": ["outside", *("inside" for _ in fall), "outside"], "insidetextanchor": "middle",
                 "cliponaxis": False, "hoverinfo": "name+text",
                 "increasing": {"marker": marker}, "decreasing": {"marker": {**marker, "line": {"width": 0}}},
@@ -200,8 +201,8 @@ def step_chart(way: Sequence[Step]) -> Chart:
     )
 
 
-def mode_picture(modes: Sequence[ModeChange]) -> Picture:
-    """Draw the frequency error of every mode, before and after."""
+def mode_picture(modes: Sequence[ModeChange], width: Literal["half", "full"] = "full") -> Picture:
+    """Draw the frequency error of every mode, before and after, in half or all of the page's width."""
     after = any(np.isfinite(change.after) for change in modes)
     return charted(
         "error_modes",
@@ -213,6 +214,7 @@ def mode_picture(modes: Sequence[ModeChange]) -> Picture:
         alt=f"Frequency errors of {len(modes)} modes{' before and after' if after else ''}",
         caption="(model - measured) / measured frequency of every mode, with the base model"
         + (" and with what was identified." if after else "."),
+        width=width,
     )
 
 
@@ -230,7 +232,6 @@ def mode_chart(modes: Sequence[ModeChange]) -> Chart:
     return Chart(
         traces=traces,
         layout={
-            "height": 300,
             "yaxis": axis("frequency error [%]", zeroline=True),
             "xaxis": {"automargin": True},
             "margin": {"r": 8, "t": 66},

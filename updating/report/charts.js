@@ -47,7 +47,7 @@
     for (const scene of Object.keys(layout).filter((key) => key.startsWith("scene"))) {
       // A body is seen from as far as its height asks: on a phone the ends of a long one would be cut.
       out[scene] = { ...layout[scene] };
-      if (!layout.height && innerWidth < 600) {
+      if (innerWidth < 600) {
         out.height = 0.6 * innerWidth;
         const eye = layout[scene].camera?.eye;
         if (eye) out[scene].camera = { ...layout[scene].camera, eye: { x: AWAY * eye.x, y: AWAY * eye.y, z: AWAY * eye.z } };

@@ -17,7 +17,7 @@ from updating.report.chart import Chart, axis, charted
 from updating.report.part import Picture, Section, Table, as_csv
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
-from updating.results.text import Z95, ends, interval_text, uncertain
+from updating.results.text import Z95, ends, in_percent, interval_text, percent, uncertain
 
 _ERRORS = {
     "frequency": ("error", "mode_error", "configuration_error"),
@@ -52,7 +52,7 @@ def error_table(entries: Sequence[Entry]) -> Table:
         rows=tuple(
             (
                 model_name(e),
-                *("" if np.isnan(x) else f"{100 * x:.2f}" for kind in kinds for x in _errors(e, kind)),
+                *("" if np.isnan(x) else in_percent(x) for kind in kinds for x in _errors(e, kind)),
             )
             for e in entries
         ),
@@ -117,7 +117,7 @@ def ledger_chart(entries: Sequence[Entry]) -> Chart:
                 {
                     "type": "bar", "orientation": "h", "name": name, "legendgroup": name, "showlegend": row == 1,
                     "x": value, "y": names, "xaxis": f"x{place}", "yaxis": f"y{place}", "offsetgroup": name,
-                    "text": ["" if np.isnan(v) else f"{v:.2f}" for v in value], "textposition": "outside",
+                    "text": ["" if np.isnan(v) else in_percent(0.01 * v) for v in value], "textposition": "outside",
                     "cliponaxis": False, "marker": {"color": shade},
                     "hovertemplate": "%{x:.3g} %<extra>" + name + "</extra>",
                 }
@@ -161,15 +161,14 @@ def _errors(entry: Entry, kind: str) -> tuple[float, ...]:
 def _sentence(entries: Sequence[Entry]) -> str:
     base, best = entries[0], min(entries[1:], key=lambda e: e.mode_error, default=entries[0])
     if best is base:
-        return f"The base model's frequencies are off by {100 * base.error:.2f} % on average."
+        return f"The base model's frequencies are off by {percent(base.error)} on average."
     names = " and ".join(printed_effects(best.effects))
     apart = best.configuration_error > APART * best.mode_error
     return (
-        f"With {names} the mean frequency error goes from {100 * base.error:.2f} % to "
-        f"{100 * best.error:.2f} % on the data fitted, and from {100 * base.mode_error:.2f} % to "
-        f"{100 * best.mode_error:.2f} % on modes held out."
+        f"With {names} the mean frequency error goes from {percent(base.error)} to {percent(best.error)} on the data "
+        f"fitted, and from {percent(base.mode_error)} to {percent(best.mode_error)} on modes held out."
         + (
-            f" Of a configuration held out {100 * best.configuration_error:.2g} % is left: its contact was given "
+            f" Of a configuration held out {percent(best.configuration_error)} is left: its contact was given "
             "the stiffness that the others predict for its pressure, and reassembly, or a law of pressure other than "
             "the model's, changes that. This is how well one torque predicts the next."
             if apart
