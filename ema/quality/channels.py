@@ -558,8 +558,8 @@ def _resolution(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     if coarse:
         listed = ", ".join(f"{p.frequency:.5g} Hz ({p.bandwidth / step:.1f} lines)" for p in coarse[:6])
         text = (
-            f"{len(coarse)} resonances have fewer than {MIN_LINES:.0f} lines in their half-power bandwidth, "
-            f"so that their damping is doubtful: {listed}{', ...' if len(coarse) > 6 else ''}"
+            f"{len(coarse)} resonance{'s have' if len(coarse) > 1 else ' has'} fewer than {MIN_LINES:.0f} lines in the "
+            f"half-power bandwidth, which makes the damping doubtful: {listed}{', ...' if len(coarse) > 6 else ''}"
         )
         band = (min(p.frequency for p in coarse), max(p.frequency for p in coarse))
         yield Verdict(check="resolution", level="warn", channel=(), band=band, message=text)

@@ -468,10 +468,10 @@ def test_the_next_test_is_one_that_tells_them_apart(distance, text):
 
 
 def test_long_lists_are_folded_to_a_count():
-    out, unseen = tuple("abcdefg"), ("x",)
+    out, unseen = (*"abcd", "clamp_inertia", "f", "g"), ("x",)
     text = sentences(diagnosis("identified", STINGER, ruled_out=out, not_visible=unseen))
     assert text[-3:-1] == (
-        "Ruled out at their usual strength: 7 effects (a, b, c, d, e and 2 more).",
+        "Ruled out at their usual strength: 7 effects (a, b, c, d, clamp rotary inertia and 2 more).",
         "Too weak to show in these data at any plausible strength: 1 effect (x).",
     )
 
@@ -514,6 +514,7 @@ def test_every_sentence_is_whole_and_has_no_number_that_nobody_reads():
         (1.2e-3, "m", "1.2 mm"),
         (0.3, "m", "300 mm"),
         (3.5e7, "Pa", "35 MPa"),
+        (1480.0, "Pa/Pa", "1480 Pa/Pa"),
         (2.1e11, "Pa", "210 GPa"),
         (2.5e5, "N/m", "250 kN/m"),
         (-2e6, "N/m", "-2 MN/m"),

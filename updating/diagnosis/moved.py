@@ -93,7 +93,7 @@ def _stated(stack: Stack, name: str) -> tuple[str, str, float, bool]:
     if what in DIMENSIONS:
         return what, "m", float(getattr(stack, what)), True
     stated = {
-        "G_f": (stack.contact.G_f, "1"),
+        "G_f": (stack.contact.G_f, "Pa/Pa"),
         "d_f": (stack.contact.d_f or D_F_START, "s/Pa"),
         "young": (stack.material.young, "Pa"),
         "density": (stack.material.density, "kg/m3"),

@@ -63,10 +63,11 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     text += _misread(diagnosis.sensor_gains)
     text += _next(diagnosis)
     if diagnosis.ruled_out:
-        text.append(f"Ruled out at their usual strength: {_folded(diagnosis.ruled_out)}.")
+        text.append(f"Ruled out at their usual strength: {_folded(diagnosis, diagnosis.ruled_out)}.")
     if diagnosis.not_visible:
         text.append(
-            f"Too weak to show in these data at any plausible strength: {_folded(diagnosis.not_visible)}."
+            "Too weak to show in these data at any plausible strength: "
+            f"{_folded(diagnosis, diagnosis.not_visible)}."
         )
     return (*text, _rests_on(diagnosis))
 
@@ -432,9 +433,9 @@ def _next(diagnosis: Diagnosis) -> list[str]:
     return []
 
 
-def _folded(effects: Sequence[str]) -> str:
-    """Return how many effects there are, and the first few by their keys."""
+def _folded(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
+    """Return how many effects there are, and the first few in words."""
     folded = 5  # names that are listed before a count stands for the rest
     more = len(effects) - folded
-    shown = ", ".join(effects[:folded])
+    shown = ", ".join(diagnosis.labels.get(e, e) for e in effects[:folded])
     return f"{len(effects)} effect{'s' if len(effects) > 1 else ''} ({shown}{f' and {more} more' if more > 0 else ''})"

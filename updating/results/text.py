@@ -85,7 +85,7 @@ def quantity(value: float, unit: str, beside: float | None = None) -> str:
     if unit in _PREFIXED:
         name, size = next((pair for pair in _PREFIXED[unit] if like < 1e3 * pair[1]), _PREFIXED[unit][-1])
         return f"{_three(value / size)} {name}"
-    if unit[0] in "NP":
+    if unit[0] in "NP" and unit != "Pa/Pa":
         prefix, size = next((pair for pair in _PREFIXES if like >= pair[1]), ("", 1.0))
         return f"{_three(value / size)} {prefix}{unit}"
     return f"{_three(value)} {unit}"
