@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.stack.errors import MatricesError
+from model.matrices.text import refuse
 
 Index = NDArray[np.int64]
 
@@ -114,20 +114,18 @@ def check_labels(entries: Entries) -> None:
     strange = (entries.node < 1) | (entries.dof < 1) | (entries.dof > len(DIRECTIONS))
     if strange.any():
         i = int(np.argmax(strange))
-        message = (
+        refuse(
             f"{entries.source}: row {i + 1} is {name_of(int(entries.node[i]), int(entries.dof[i]))}, which is no "
             "displacement of a node but an internal variable: a Lagrange multiplier, a scalar point, a pressure or a "
             "temperature. Write the matrices without them (ties by penalty or elimination, no acoustic elements)"
         )
-        raise MatricesError(message)
     labels, count = np.unique(key(entries.node, entries.dof), return_counts=True)
     if labels.size < entries.node.size:
         again = int(labels[np.argmax(count > 1)])
-        message = (
+        refuse(
             f"{entries.source}: {name_of(*label_of(again))} is there {count.max()} times. A sector with "
             "cyclic symmetry has real and imaginary rows; write the matrices of the whole structure"
         )
-        raise MatricesError(message)
 
 
 def symmetric(entries: Entries) -> sp.csr_matrix:
@@ -143,20 +141,18 @@ def symmetric(entries: Entries) -> sp.csr_matrix:
     check_labels(entries)
     if not np.isfinite(entries.value).all():
         i = int(np.argmin(np.isfinite(entries.value)))
-        message = (
+        refuse(
             f"{entries.source}: entry ({_place(entries, i)}) is {entries.value[i]}; a finite number is needed"
         )
-        raise MatricesError(message)
     n = entries.node.size
     matrix = sp.csr_matrix((entries.value, (entries.row, entries.column)), shape=(n, n))
     if matrix.nnz < entries.value.size:
         places, first = np.unique(entries.row * n + entries.column, return_index=True)
         i = int(np.setdiff1d(np.arange(entries.value.size), first)[0])
-        message = (
+        refuse(
             f"{entries.source}: entry ({_place(entries, i)}) is there twice; {entries.value.size - places.size} "
             "entries are. Two files or two steps seem to be written one after the other: keep one of them"
         )
-        raise MatricesError(message)
     pattern = sp.csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=(n, n))
     lower, upper = sp.tril(pattern, -1), sp.triu(pattern, 1)
     if (lower + upper).nnz == 0 or lower.multiply(upper.T).nnz == 0:
@@ -175,12 +171,11 @@ def _checked_symmetric(matrix: sp.csr_matrix, entries: Entries) -> sp.csr_matrix
     if beyond.any():
         worst = int(np.argmax(np.where(beyond, difference.data, 0.0)))
         i, j = int(difference.row[worst]), int(difference.col[worst])
-        message = (
+        refuse(
             f"{entries.source}: not symmetric: {matrix[i, j]:.9g} couples {_row(entries, i)} to {_row(entries, j)}, "
             f"{matrix[j, i]:.9g} the other way. Friction, follower loads, rotors, fluids and u-p elements give such "
             "matrices; write those of the structure alone"
         )
-        raise MatricesError(message)
     return sp.csr_matrix((matrix + matrix.T) / 2.0)
 
 
@@ -239,11 +234,10 @@ def placed(entries: Entries, node: Index, dof: Index, of: str) -> sp.csr_matrix:
         used = np.diff(matrix.indptr)[strange] > 0
         if used.any():
             i = int(np.flatnonzero(strange)[np.argmax(used)])
-            message = (
+            refuse(
                 f"{entries.source}: {_row(entries, i)} is not among the rows of {of}; {int(used.sum())} rows are not. "
                 "Write all matrices from one model, with the same supports; or is one of the files cut off?"
             )
-            raise MatricesError(message)
     kept = np.flatnonzero(~strange)
     n = wanted.size
     turn = sp.csr_matrix((np.ones(kept.size), (at[kept], kept)), shape=(n, given.size))
@@ -269,28 +263,30 @@ def check_rows(
         diagonal = matrix.diagonal()
         largest = float(np.abs(diagonal).max(initial=0.0))
         if largest == 0.0:
-            message = f"the {what} matrix is zero; " + (
-                "give the material a density" if what == "mass" else "no structure vibrates without stiffness"
+            refuse(
+                f"the {what} matrix is zero; "
+                + (
+                    "give the material a density"
+                    if what == "mass"
+                    else "no structure vibrates without stiffness"
+                )
             )
-            raise MatricesError(message)
         if (diagonal < -_NOTHING * largest).any():
             i = int(np.argmin(diagonal))
-            message = (
+            refuse(
                 f"{name_of(int(node[i]), int(dof[i]))} has a {what} of {diagonal[i]:.4g}, below zero; no part of a "
                 "structure at rest has that. Is a factor too small, or a matrix not what its file says?"
             )
-            raise MatricesError(message)
         zero[what] = np.abs(diagonal) <= _NOTHING * largest
         coupling = abs(matrix).max(axis=1).toarray().reshape(-1)
         lagrange = zero[what] & (coupling > root * largest)
         if lagrange.any():
             i = int(np.argmax(lagrange))
-            message = (
+            refuse(
                 f"{name_of(int(node[i]), int(dof[i]))} couples to others in the {what} matrix with nothing on its "
                 f"diagonal: a Lagrange multiplier ({int(lagrange.sum())} rows are), or the file is cut off. Write "
                 "ties and contacts by elimination or penalty"
             )
-            raise MatricesError(message)
     idle = zero["stiffness"] & zero["mass"]
     notes = []
     if idle.any():
@@ -345,16 +341,16 @@ def check_mass(
     weights = np.diag(moved)[:3]
     total = float(weights.max())
     if total <= 0.0:
-        message = "moving the structure moves no mass; is the mass matrix that of another model?"
-        raise MatricesError(message)
+        refuse("moving the structure moves no mass; is the mass matrix that of another model?")
     if stated is not None:
         least = 1.0 - (same_mass if complete else held_mass)
         if not least * stated <= total <= (1.0 + same_mass) * stated:
             found = total / units.mass
             right = [u.name for u in UNITS.values() if least <= found * u.mass / stated <= 1.0 + same_mass]
             hint = f"; in {' or '.join(right)} it would be right" if right else ""
-            message = f"in units {units.name} the matrices weigh {total:.4g} kg; total_mass_kg is {stated:.4g}{hint}"
-            raise MatricesError(message)
+            refuse(
+                f"in units {units.name} the matrices weigh {total:.4g} kg; total_mass_kg is {stated:.4g}{hint}"
+            )
     own = moved[3:, 3:] - moved[3:, :3] @ np.linalg.pinv(moved[:3, :3]) @ moved[:3, 3:]
     inertia = ", ".join(f"{value:.4g}" for value in np.diag(own))
     along = (

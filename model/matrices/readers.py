@@ -15,8 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from model.matrices.labelled import DIRECTIONS, Entries, Index
-from model.matrices.text import columns_of_csv, kind_of, numbers, read_text
-from model.stack.errors import MatricesError
+from model.matrices.text import columns_of_csv, kind_of, numbers, read_text, refuse
 
 Target = Literal["M", "C", "K"]
 Labels = tuple[Index, Index]  # nodes and degrees of freedom
@@ -63,21 +62,17 @@ def read_entries(given: str, folder: Path, target: Target, labels: Path | None) 
         beside = path.with_name(path.name.replace(kind, ".dof"))
         plain = beside.with_name(beside.name.removesuffix(".gz"))
         return _entries(path, table, labels or (beside if beside.exists() else plain))
-    if kind in (".mtx", ".mmf"):
-        text = read_text(path, ended=True)
-        if not text.startswith("%%MatrixMarket"):
-            return _abaqus(path, text)
-        try:
-            matrix = sp.coo_matrix(scipy.io.mmread(io.StringIO(text)))
-        except (ValueError, TypeError, OverflowError) as error:
-            message = f"{path}: not a Matrix Market file: {error}"
-            raise MatricesError(message) from error
-        return _labelled(path, matrix, labels)
-    known = (
-        ".sti .mas (CalculiX), .mtx (Abaqus, Matrix Market), .pch (Nastran), .mmf .full (Ansys), .npz, .mat"
-    )
-    message = f"{path}: the suffix says no program; known are {known}, each also with .gz"
-    raise MatricesError(message)
+    if kind not in (".mtx", ".mmf"):
+        known = ".sti .mas (CalculiX), .mtx (Abaqus, Matrix Market), .pch (Nastran), .mmf .full (Ansys), .npz, .mat"
+        refuse(f"{path}: the suffix says no program; known are {known}, each also with .gz")
+    text = read_text(path, ended=True)
+    if not text.startswith("%%MatrixMarket"):
+        return _abaqus(path, text)
+    try:
+        matrix = sp.coo_matrix(scipy.io.mmread(io.StringIO(text)))
+    except (ValueError, TypeError, OverflowError) as error:
+        refuse(f"{path}: not a Matrix Market file: {error}")
+    return _labelled(path, matrix, labels)
 
 
 def read_labels(path: Path) -> Labels:
@@ -115,10 +110,9 @@ def _read_labels(path: Path) -> Labels:
     try:
         number = {word: _dof(word) for word in set(words[1])}
         node = np.array([int(word) for word in words[0]], dtype=np.int64)
-    except ValueError as error:
+    except ValueError:
         i = next(i for i, pair in enumerate(zip(*words, strict=True)) if not _is_label(*pair))
-        message = f"{path}: label {i + 1} is {(words[0][i], words[1][i])!r}; it must be: {form}"
-        raise MatricesError(message) from error
+        refuse(f"{path}: label {i + 1} is {(words[0][i], words[1][i])!r}; it must be: {form}")
     return node, np.array([number[word] for word in words[1]], dtype=np.int64)
 
 
@@ -142,17 +136,17 @@ def _dof(word: str) -> int:
 def _entries(path: Path, table: NDArray[np.float64], labels: Path | None) -> Entries:
     """Return the entries of a table of row, column (from 1) and value, with labels from their file."""
     if labels is None:
-        message = f'{path}: says no nodes; name the table of its rows, such as dofs = "dofs.csv" with node,dof,x,y,z'
-        raise MatricesError(message)
+        refuse(
+            f'{path}: says no nodes; name the table of its rows, such as dofs = "dofs.csv" with node,dof,x,y,z'
+        )
     node, dof = read_labels(labels)
     row, column = (table[:, i].astype(np.int64) - 1 for i in (0, 1))
     every = np.append(row, column) + 1
     lowest, highest = int(every.min(initial=1)), int(every.max(initial=1))
     if lowest < 1 or highest > node.size:
-        message = (
+        refuse(
             f"{path}: has rows {lowest} to {highest}, and {labels} labels 1 to {node.size}; they do not match"
         )
-        raise MatricesError(message)
     return Entries(source=str(path), node=node, dof=dof, row=row, column=column, value=table[:, 2])
 
 
@@ -160,14 +154,12 @@ def _labelled(path: Path, matrix: sp.coo_matrix, labels: Path | None) -> Entries
     """Return a square matrix with labels from their file."""
     if matrix.shape[0] != matrix.shape[1] or np.iscomplexobj(matrix.data):
         what = "complex" if np.iscomplexobj(matrix.data) else f"{matrix.shape[0]} by {matrix.shape[1]}"
-        message = f"{path}: the matrix is {what}; a real square one is needed"
-        raise MatricesError(message)
+        refuse(f"{path}: the matrix is {what}; a real square one is needed")
     found = _entries(path, np.column_stack([matrix.row + 1, matrix.col + 1, matrix.data]), labels)
     if found.node.size != matrix.shape[0]:
-        message = (
+        refuse(
             f"{path}: has {matrix.shape[0]} rows, and {labels} {found.node.size} labels; they do not match"
         )
-        raise MatricesError(message)
     return found
 
 
@@ -185,15 +177,13 @@ def _array(path: Path, name: str) -> sp.coo_matrix:
             if hasattr(array, "check_format"):  # of a sparse matrix; conversions trust its indices, and crash
                 array.check_format(full_check=True)
     except Exception as error:  # a damaged file brings forth any, of zip, of its compression, of the reader
-        message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise MatricesError(message) from error
+        refuse(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})")
     if not name and len(arrays) == 1:
         name = next(iter(arrays))
     if name not in arrays or np.ndim(arrays[name]) != 2:
-        message = (
+        refuse(
             f"{path}: holds no matrix {name!r}; name one of {', '.join(sorted(arrays))} as {path.name}#NAME"
         )
-        raise MatricesError(message)
     matrix = arrays[name]
     kept = matrix if sp.issparse(matrix) else np.asarray(matrix)
     return sp.coo_matrix(kept.astype(complex if np.iscomplexobj(kept) else float))
@@ -242,25 +232,21 @@ def _nastran(path: Path, name: str, target: Target) -> Entries:
             while len(rest) >= 3 and rest[0]:
                 found[current][1].append((int(rest[0]), int(rest[1] or 0), *column, _real(rest[2])))
                 rest = rest[4:]
-        except (ValueError, IndexError, KeyError) as error:
-            message = f"{path}: line {number} is no card DMIG of a real matrix: {line.strip()!r}"
-            raise MatricesError(message) from error
+        except (ValueError, IndexError, KeyError):
+            refuse(f"{path}: line {number} is no card DMIG of a real matrix: {line.strip()!r}")
     wanted = [name.upper()] if name else [one for one in _NASTRAN[target] if one in found]
     if not wanted or wanted[0] not in found:
-        message = f"{path}: holds no matrix {name or target}; there are {', '.join(found) or 'none'}"
-        raise MatricesError(message)
+        refuse(f"{path}: holds no matrix {name or target}; there are {', '.join(found) or 'none'}")
     form, table = found[wanted[0]]
     if form not in (1, 6) or not table:
-        message = (
+        refuse(
             f"{path}: matrix {wanted[0]} has form {form}; a filled square (1) or symmetric (6) one is needed"
         )
-        raise MatricesError(message)
     if wanted[0] in complex_ones:
-        message = (
+        refuse(
             f"{path}: matrix {wanted[0]} is complex; write it without structural damping (PARAM,G and GE), for a real "
             "one is needed"
         )
-        raise MatricesError(message)
     whole = np.array(table)
     return _from_pairs(path, whole[:, 0:2].astype(np.int64), whole[:, 2:4].astype(np.int64), whole[:, 4])
 
@@ -283,18 +269,16 @@ def _full(path: Path, target: Target) -> Entries:
     """Read a `.full` file of Ansys through ansys-mapdl-reader, if that is installed."""
     try:
         from ansys.mapdl.reader import read_binary  # an extra
-    except ImportError as error:
-        message = (
+    except ImportError:
+        refuse(
             f"{path}: .full files need the package ansys-mapdl-reader (pip install ansys-mapdl-reader); or write "
             "text with *EXPORT, MMF"
         )
-        raise MatricesError(message) from error
     try:
         whole = read_binary(str(path)).load_km(sort=False)
         label, matrix = np.asarray(whole[0]), sp.coo_matrix(whole[_FULL[target]])
     except (OSError, ValueError, RuntimeError, KeyError, AttributeError) as error:
-        message = f"{path}: holds no {target} that ansys-mapdl-reader can read ({error})"
-        raise MatricesError(message) from error
+        refuse(f"{path}: holds no {target} that ansys-mapdl-reader can read ({error})")
     return Entries(
         source=str(path),
         node=label[:, 0].astype(np.int64),

@@ -16,16 +16,14 @@ from model.elements.equations import Monomial
 from model.matrices.labelled import Index, name_of, rigid_motion
 from model.matrices.readers import Target
 from model.matrices.structure import Factor, MatrixStructure
+from model.matrices.text import refuse
 from model.reduction.reduced_equations import ReducedTerm, summed
 from model.solvers.eigen import CholeskyFactor, NotPositiveError, lowest_modes
-from model.stack.errors import MatricesError
 
 Vectors = NDArray[np.float64]
 
-_BEYOND = (
-    1.5  # of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
-)
-
+# of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
+_BEYOND = 1.5
 
 _FIRST = 20  # modes that are sought first
 
@@ -121,8 +119,7 @@ class ReducedMatrices:
         wanted, own = np.asarray(node, dtype=np.int64), self.structure
         missing = wanted[~np.isin(wanted, own.node)]
         if missing.size:
-            message = f"{self.name}: there is no node {missing[0]} in the matrices"
-            raise MatricesError(message)
+            refuse(f"{self.name}: there is no node {missing[0]} in the matrices")
         found = np.zeros((wanted.size, 3, self.size))
         for axis in range(3):
             rows = np.flatnonzero(own.dof == axis + 1)
@@ -184,12 +181,10 @@ class ReducedMatrices:
         try:
             # the reciprocal of an eigenvalue, as a joined basis may hold directions that have next to no mass
             inverse, vector = la.eigh(mass, stiffness + shift * mass)
-        except la.LinAlgError as error:
-            message = f"{self.name}: neither stiffness nor mass is positive at {moved}"
-            raise MatricesError(message) from error
+        except la.LinAlgError:
+            refuse(f"{self.name}: neither stiffness nor mass is positive at {moved}")
         if inverse[0] < -no_mass * inverse[-1]:
-            message = f"{self.name}: mass is not positive at {moved}"
-            raise MatricesError(message)
+            refuse(f"{self.name}: mass is not positive at {moved}")
         moving = np.flatnonzero(inverse > no_mass * inverse[-1])[::-1][:n_mode]
         value = 1.0 / inverse[moving] - shift
         scaled = vector[:, moving] / np.sqrt(inverse[moving])
@@ -228,8 +223,9 @@ def reduce_matrices(
     factor = _factored(structure, stiffness + shift * mass)
     modes, value = _modes(mass, factor, shift, structure.band_Hz)
     if value[0] < -_NEGATIVE * shift:
-        message = f"{structure.name}: the stiffness is negative along the lowest mode; is it that of a buckled state?"
-        raise MatricesError(message)
+        refuse(
+            f"{structure.name}: the stiffness is negative along the lowest mode; is it that of a buckled state?"
+        )
     _check_rigid(structure, stiffness, mass, value)
     loads, answers = _responses(structure, factor, modes, value)
     basis = np.hstack([modes, _beside(modes, answers, loads, mass, shift)])
@@ -282,11 +278,10 @@ def _factored(structure: MatrixStructure, matrix: Any) -> CholeskyFactor:
         return CholeskyFactor(matrix, structure.location)
     except NotPositiveError as error:
         where = name_of(int(structure.node[error.index]), int(structure.dof[error.index]))
-        message = (
+        refuse(
             f"{structure.name}: the stiffness is not positive near {where}: parts without mass hang loose there, or "
             "rows are Lagrange multipliers"
         )
-        raise MatricesError(message) from error
 
 
 def _responses(
@@ -354,12 +349,11 @@ def _check_rigid(structure: MatrixStructure, stiffness: Any, mass: Any, value: V
         f"{name} {f:.3g} Hz"
         for name, f in zip(("x", "y", "z", "about x", "about y", "about z"), moves, strict=True)
     )
-    message = (
+    refuse(
         f"{structure.name}: rigid_modes = {stated}, and {found} modes are near 0 (the lowest: "
         f"{', '.join(f'{f:.3g}' for f in free[:7])} Hz). As a rigid body it would move at: {words}. Is a support, a "
         "spring to ground or a coupled node left in the model, or are numbers written with too few digits?"
     )
-    raise MatricesError(message)
 
 
 def _unit_loads(structure: MatrixStructure) -> Vectors:
@@ -490,11 +484,10 @@ def places_on(
     if not structure.placed:
         missing = number[~np.isin(number, structure.node)]
         if missing.size:
-            message = (
+            refuse(
                 f"{structure.name}: point {missing[0]} has no node of its number, by which points are placed where no "
                 "file says where nodes are; name one by matrices.nodes, or number the points as the nodes"
             )
-            raise MatricesError(message)
         one, none = np.ones((n, 1)), np.zeros((n, 1))
         return Places(node=number[:, None], weight=one, slope=none, distance=none[:, 0], direction=direction)
     k = min(_ABOUT, np.unique(structure.node).size)
@@ -514,11 +507,10 @@ def places_on(
             i = int(np.argmax(found[4]))
             low, high = 1e3 * structure.location.min(axis=0), 1e3 * structure.location.max(axis=0)
             span = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
-            message = (
+            refuse(
                 f"{structure.name}: point {number[rows[i]]} is {1e3 * found[3][i]:.4g} mm from the nearest node; "
                 f"nodes span {span} mm. Points must have the coordinates of the model: check their unit and origin"
             )
-            raise MatricesError(message)
     return Places(node=node, weight=weight, slope=slope, distance=distance, direction=direction)
 
 

@@ -29,8 +29,7 @@ from model.matrices.labelled import (
 )
 from model.matrices.readers import Target, _fields, _real, read_entries
 from model.matrices.structure_file import GroupForm, StructureForm, SupportForm
-from model.matrices.text import columns_of_csv, kind_of, read_text
-from model.stack.errors import MatricesError
+from model.matrices.text import columns_of_csv, kind_of, read_text, refuse
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -93,8 +92,7 @@ def read_nodes(path: Path) -> Nodes:
     else:
         table, sets = _deck(path)
     if not table:
-        message = f"{path}: holds no nodes; *NODE, GRID, NBLOCK or a CSV table with node,x,y,z is needed"
-        raise MatricesError(message)
+        refuse(f"{path}: holds no nodes; *NODE, GRID, NBLOCK or a CSV table with node,x,y,z is needed")
     number = np.array(sorted(table), dtype=np.int64)
     return Nodes(
         number=number,
@@ -106,17 +104,15 @@ def read_nodes(path: Path) -> Nodes:
 def _whole(path: Path, line: int, word: str) -> int:
     try:
         return int(word)
-    except ValueError as error:
-        message = f"{path}: line {line}: {word!r} is no node number"
-        raise MatricesError(message) from error
+    except ValueError:
+        refuse(f"{path}: line {line}: {word!r} is no node number")
 
 
 def _place(path: Path, line: int, words: list[str]) -> tuple[float, ...]:
     try:
         found = tuple(_real(word) if word.strip() else 0.0 for word in (*words, "", "", "")[:3])
-    except ValueError as error:
-        message = f"{path}: line {line}: {', '.join(words)} are no coordinates"
-        raise MatricesError(message) from error
+    except ValueError:
+        refuse(f"{path}: line {line}: {', '.join(words)} are no coordinates")
     return found
 
 
@@ -176,8 +172,9 @@ def _grids(path: Path) -> dict[int, tuple[float, ...]]:
         if fields[0].upper() == "GRID*" and i + 1 < len(lines):
             fields = [*fields[:5], *_fields(lines[i + 1])[1:]]
         if fields[2] not in ("", "0") or (len(fields) > 6 and fields[6] not in ("", "0")):
-            message = f"{path}: line {i + 1}: grid {fields[1]} has a coordinate system; only basic coordinates are read"
-            raise MatricesError(message)
+            refuse(
+                f"{path}: line {i + 1}: grid {fields[1]} has a coordinate system; only basic coordinates are read"
+            )
         table[_whole(path, i + 1, fields[1])] = _place(path, i + 1, fields[3:6])
     return table
 
@@ -191,8 +188,7 @@ def _nblock(path: Path) -> dict[int, tuple[float, ...]]:
             continue
         form = re.match(r"\s*\((\d+)i(\d+),\d+e(\d+)", next(lines, (0, ""))[1].lower())
         if form is None:
-            message = f"{path}: NBLOCK without its format, such as (3i9,6e21.13e3)"
-            raise MatricesError(message)
+            refuse(f"{path}: NBLOCK without its format, such as (3i9,6e21.13e3)")
         n, wide, long = (int(one) for one in form.groups())
         for i, own in lines:
             if own.lstrip().startswith(("N,", "-1")):
@@ -264,8 +260,7 @@ class Rows:
         found = tuple(names)
         for name in found:
             if name not in self.groups:
-                message = f"no group {name!r}; there are {', '.join(self.groups) or 'none'}"
-                raise MatricesError(message)
+                refuse(f"no group {name!r}; there are {', '.join(self.groups) or 'none'}")
         return found
 
     def of(self, group: str, directions: Sequence[str]) -> Index:
@@ -284,8 +279,7 @@ class Rows:
         """
         rows = self.of(group, directions)
         if not rows.size:
-            message = f"group {group} has no rows along {', '.join(directions)}"
-            raise MatricesError(message)
+            refuse(f"group {group} has no rows along {', '.join(directions)}")
         found = np.zeros(self.node.size)
         found[rows] = 1.0 / np.unique(self.node[rows]).size
         return found
@@ -308,11 +302,10 @@ class Rows:
             wanted = key(self.groups[one.group][:, None], dof[None]).reshape(-1)
             missing = wanted[~np.isin(wanted, key(self.node[rows], self.dof[rows]))]
             if missing.size:
-                message = (
+                refuse(
                     f"support {one.group}: {name_of(*label_of(int(missing[0])))} is not in the matrices, so it cannot "
                     "be released: they were written with it held. Write them without that boundary condition"
                 )
-                raise MatricesError(message)
         return found
 
 
@@ -367,8 +360,7 @@ def _locations(nodes: Nodes | None, node: Index, source: str, units: Units) -> N
     try:
         return nodes.location[nodes.at(node)] * units.length
     except KeyError as error:
-        message = f"{source}: the file of the nodes does not say where node {error.args[0]} is"
-        raise MatricesError(message) from error
+        refuse(f"{source}: the file of the nodes does not say where node {error.args[0]} is")
 
 
 def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> Index:
@@ -380,17 +372,16 @@ def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> 
         It is stated in no way or in two, or holds no node, or one that there is not.
     """
     if sum(one is not None for one in (given.nodes, given.set, given.box_mm)) != 1:
-        message = f"group {given.name}: give one of nodes, set and box_mm"
-        raise MatricesError(message)
+        refuse(f"group {given.name}: give one of nodes, set and box_mm")
     if given.nodes is not None:
         found = np.array(given.nodes, dtype=np.int64)
     elif nodes is None:
-        message = f"group {given.name}: set and box_mm need a file of nodes; name it by matrices.nodes"
-        raise MatricesError(message)
+        refuse(f"group {given.name}: set and box_mm need a file of nodes; name it by matrices.nodes")
     elif given.set is not None:
         if given.set.upper() not in nodes.sets:
-            message = f"group {given.name}: no set {given.set}; the nodes' file has {', '.join(nodes.sets) or 'none'}"
-            raise MatricesError(message)
+            refuse(
+                f"group {given.name}: no set {given.set}; the nodes' file has {', '.join(nodes.sets) or 'none'}"
+            )
         found = nodes.sets[given.set.upper()]
     else:
         low, high = np.array(given.box_mm).T * 1e-3
@@ -399,8 +390,7 @@ def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> 
     known = used if nodes is None else nodes.number
     missing = found[~np.isin(found, known)]
     if missing.size or not found.size:
-        message = f"group {given.name}: " + (
-            f"there is no node {missing[0]}" if missing.size else "holds no node"
+        refuse(
+            f"group {given.name}: " + (f"there is no node {missing[0]}" if missing.size else "holds no node")
         )
-        raise MatricesError(message)
     return np.unique(found)

@@ -15,6 +15,7 @@ from model.matrices.labelled import UNITS, Index, check_mass, check_rows, rigid_
 from model.matrices.readers import Target
 from model.matrices.rows import Rows, read_rows
 from model.matrices.structure_file import StructureForm, TermForm, read_form
+from model.matrices.text import refuse
 from model.stack.errors import MatricesError
 
 
@@ -144,15 +145,13 @@ def read_matrices(path: str | Path) -> MatrixStructure:
     try:
         return _structure(given, path.parent)
     except MatricesError as error:
-        message = f"{path}: {error}"
-        raise MatricesError(message) from error
+        refuse(f"{path}: {error}")
 
 
 def _structure(given: StructureForm, folder: Path) -> MatrixStructure:
     names = [one.name for one in given.term]
     if len(set(names)) < len(names) or not all(name.isidentifier() for name in names):
-        message = f"term: names must differ and be one word each: {', '.join(names)}"
-        raise MatricesError(message)
+        refuse(f"term: names must differ and be one word each: {', '.join(names)}")
     rows, whole = read_rows(given, folder)
     always, varying = dict(whole), []
     for one in given.term:
@@ -254,8 +253,9 @@ def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -
         parts[target] = rows.matrix(file, target)
         if given.multiplied_by is not None:
             if given.multiplied_by == 1.0 or target not in whole:
-                message = f"term {given.name}: multiplied_by needs a factor other than 1 and a matrix to compare with"
-                raise MatricesError(message)
+                refuse(
+                    f"term {given.name}: multiplied_by needs a factor other than 1 and a matrix to compare with"
+                )
             parts[target] = (parts[target] - whole[target]) / (given.multiplied_by - 1.0)
     if given.group is not None:
         amounts: dict[Target, float | None] = {"K": given.spring_N_m, "M": given.mass_kg}
@@ -264,8 +264,7 @@ def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -
             {t: sp.csr_matrix(sp.diags_array(share * a)) for t, a in amounts.items() if a is not None}
         )
     if not parts:
-        message = f"term {given.name}: give stiffness, mass or damping, or a group with spring_N_m or mass_kg"
-        raise MatricesError(message)
+        refuse(f"term {given.name}: give stiffness, mass or damping, or a group with spring_N_m or mass_kg")
     return parts
 
 
@@ -273,8 +272,7 @@ def _factor(given: TermForm) -> Factor:
     lower = 0.0 if given.lower is None else given.lower
     upper = float("inf") if given.upper is None else given.upper
     if not lower <= given.nominal <= upper or (given.scale == "log" and given.nominal <= 0.0):
-        message = f"term {given.name}: nominal {given.nominal:g} must lie between {lower:g} and {upper:g}"
-        raise MatricesError(message)
+        refuse(f"term {given.name}: nominal {given.nominal:g} must lie between {lower:g} and {upper:g}")
     return Factor(
         name=given.name, nominal=given.nominal, std=given.std, scale=given.scale, lower=lower, upper=upper
     )

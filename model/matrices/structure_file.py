@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from model.matrices.labelled import UNITS
-from model.stack.errors import MatricesError
+from model.matrices.text import refuse
 from model.stack.stack_file import read_toml
 
 Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
@@ -118,16 +118,12 @@ def read_form(path: Path) -> StructureForm:
     try:
         given = StructureForm.model_validate_json(json.dumps(read_toml(path), default=str), strict=True)
     except OSError as error:
-        message = f"{path}: cannot be read ({error.strerror})"
-        raise MatricesError(message) from error
+        refuse(f"{path}: cannot be read ({error.strerror})")
     except ValidationError as error:
         lines = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]
-        message = f"{path}: {'; '.join(lines)}"
-        raise MatricesError(message) from error
+        refuse(f"{path}: {'; '.join(lines)}")
     except (ValueError, RecursionError) as error:
-        message = f"{path}: not a TOML file: {error}"
-        raise MatricesError(message) from error
+        refuse(f"{path}: not a TOML file: {error}")
     if given.matrices.units not in UNITS:
-        message = f"{path}: matrices.units = {given.matrices.units!r}; known are {', '.join(UNITS)}"
-        raise MatricesError(message)
+        refuse(f"{path}: matrices.units = {given.matrices.units!r}; known are {', '.join(UNITS)}")
     return given

@@ -9,12 +9,18 @@ import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.stack.errors import MatricesError
 from model.stack.inputs import plain_text
+
+
+def refuse(message: str) -> NoReturn:
+    """Refuse what is given, with the words that a user reads; an error that is being handled is its cause."""
+    raise MatricesError(message)
 
 
 def read_text(path: Path, *, ended: bool = False) -> str:
@@ -32,17 +38,12 @@ def read_text(path: Path, *, ended: bool = False) -> str:
         else:
             text = plain_text(path)
     except (OSError, EOFError, ValueError) as error:
-        message = f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
-        raise MatricesError(message) from error
+        refuse(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})")
     if not text.strip():
-        message = f"{path}: is empty"
-        raise MatricesError(message)
+        refuse(f"{path}: is empty")
     if ended and not text.rstrip(" \t\x00").endswith(("\n", "\r")):
         last = text.splitlines()[-1].strip()
-        message = (
-            f"{path}: its last line has no end ({last!r}): it is cut off. Copy it again, or end that line"
-        )
-        raise MatricesError(message)
+        refuse(f"{path}: its last line has no end ({last!r}): it is cut off. Copy it again, or end that line")
     return text
 
 
@@ -70,11 +71,9 @@ def numbers(
             found = np.loadtxt(io.StringIO(plain), ndmin=2, delimiter=delimiter, comments=None)
     except ValueError as error:
         fault = str(error).partition(";")[0].rstrip(".")  # without advice of numpy to programmers
-        message = f"{path}: {fault}; each line must be: {form}"
-        raise MatricesError(message) from error
+        refuse(f"{path}: {fault}; each line must be: {form}")
     if found.shape[1] != n_column:
-        message = f"{path}: has {found.shape[1]} columns; each line must be: {form}"
-        raise MatricesError(message)
+        refuse(f"{path}: has {found.shape[1]} columns; each line must be: {form}")
     return found
 
 
@@ -97,8 +96,7 @@ def columns_of_csv(path: Path, needed: Sequence[str]) -> list[list[str]]:
     names = [name.strip().lower() for name in next(reader, [])]
     missing = [name for name in needed if name not in names]
     if missing:
-        message = f"{path}: lacks the columns {', '.join(missing)}; it has {', '.join(names)}"
-        raise MatricesError(message)
+        refuse(f"{path}: lacks the columns {', '.join(missing)}; it has {', '.join(names)}")
     table = [row for row in reader if row]
     at = [names.index(name) for name in needed]
     return [[row[i] if i < len(row) else "" for row in table] for i in at]
@@ -114,6 +112,24 @@ _PAIRS = (
 """Names of stiffness and mass as programs, and people, give them."""
 
 _LABELS, _NODES = (".dof", ".mapping"), (".inp", ".bdf", ".dat", ".nas", ".cdb")
+
+
+_DRAFT = """name = {0}
+
+[matrices]
+units = "?"              # to be filled in: of all files, such as "mm-t-s" or "m-kg-s"
+stiffness = {1}   # guessed by its name
+mass = {2}   # guessed by its name
+{3}# total_mass_kg = 1.0   # what the structure weighs, which checks units and density
+
+# [[term]]               # what may vary: see docs/matrices.md
+# name = "plate"
+# stiffness = {1}
+# std = 0.1
+
+[reduction]
+band_Hz = "?"            # to be filled in: up to which frequency modes are wanted
+"""
 
 
 def draft_structure(folder: Path) -> str | None:
@@ -140,33 +156,14 @@ def draft_structure(folder: Path) -> str | None:
     if pair is None:
         return None
     labels = one_of(_LABELS) or next((name for name in names if name.lower() == "dofs.csv"), None)
-    lines = [
-        f"name = {json.dumps(folder.resolve().name)}",
-        "",
-        "[matrices]",
-        'units = "?"              # to be filled in: of all files, such as "mm-t-s" or "m-kg-s"',
-        f"stiffness = {json.dumps(pair[0])}   # guessed by its name",
-        f"mass = {json.dumps(pair[1])}   # guessed by its name",
-    ]
-    if labels:
-        lines.append(f"dofs = {json.dumps(labels)}   # node and direction of each row")
     nodes = one_of(_NODES)
+    rows = f"dofs = {json.dumps(labels)}   # node and direction of each row\n" if labels else ""
     if nodes:
-        lines.append(f"nodes = {json.dumps(nodes)}   # where nodes are, and their sets")
+        rows += f"nodes = {json.dumps(nodes)}   # where nodes are, and their sets\n"
     elif not labels:
-        lines.append('# nodes = "job.inp"   # to be filled in: where nodes are')
-    lines += [
-        "# total_mass_kg = 1.0   # what the structure weighs, which checks units and density",
-        "",
-        "# [[term]]               # what may vary: see docs/matrices.md",
-        '# name = "plate"',
-        f"# stiffness = {json.dumps(pair[0])}",
-        "# std = 0.1",
-        "",
-        "[reduction]",
-        'band_Hz = "?"            # to be filled in: up to which frequency modes are wanted',
-    ]
-    return "\n".join(lines) + "\n"
+        rows = '# nodes = "job.inp"   # to be filled in: where nodes are\n'
+    stiffness, mass = map(json.dumps, pair)
+    return _DRAFT.format(json.dumps(folder.resolve().name), stiffness, mass, rows)
 
 
 def write_structure(folder: Path) -> Path | None:
@@ -184,6 +181,5 @@ def write_structure(folder: Path) -> Path | None:
             return None
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        message = f"{folder}: cannot be read or written ({error.strerror})"
-        raise MatricesError(message) from error
+        refuse(f"{folder}: cannot be read or written ({error.strerror})")
     return path
