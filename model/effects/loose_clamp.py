@@ -19,21 +19,15 @@ Mistaken for: lost contact in the middle, pressure_along, clamps that are heavie
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from model.effects.parts import Vector, clamps_of, pressure_change, rigid_clamp
+from model.effects.parts import Bell, Vector, clamp_bells, clamps_of, pressure_change, rigid_clamp
 from model.elements.equations import Assembly, Riding, Term, Theta
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
-from model.stack.parts import Clamp
-
-_SLOPE = math.tan(math.radians(30.0))
-"""Of the cone in which pressure spreads from what presses (Shigley, Mechanical Engineering Design, bolted joints)."""
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
@@ -43,29 +37,18 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     if len(clamps) < 2:
         raise EffectError("loose_clamp: a single clamp that presses less is a lower pressure")
 
-    def cone(clamp: Clamp) -> tuple[float, float]:
-        x, y = (0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint)
-        return x, y
-
-    def spaced(clamp: Clamp) -> tuple[float, float]:
-        half = max(0.5 * stack.length / len(clamps), *cone(clamp))
-        return half, half
-
-    def bell(clamp: Clamp, width: tuple[float, float]) -> Callable[[Vector, Vector], Vector]:
-        return lambda x, y: (
-            -np.exp(-0.5 * (((x - clamp.x) / width[0]) ** 2 + ((y - clamp.y) / width[1]) ** 2))
-        )
-
     bells = (
         pressure_change(
             assembly,
             f"loose_clamp {i} {name}",
             "clamp_loss",
-            bell(clamp, width(clamp)),
+            partial(_lost, bell=bell),
             partial(share, i=i, n=len(clamps)),
         )
         for i, clamp in enumerate(clamps)
-        for name, width, share in (("narrow", cone, _narrow), ("wide", spaced, _wide))
+        for name, bell, share in zip(
+            ("narrow", "wide"), clamp_bells(stack, clamp), (_narrow, _wide), strict=True
+        )
     )
     rides = (
         Term(
@@ -82,6 +65,11 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         if clamp.mass > 0.0
     )
     return (*itertools.chain.from_iterable(bells), *rides)
+
+
+def _lost(x: Vector, y: Vector, bell: Bell) -> Vector:
+    """Return what is lost of the pressure, -1 in the middle of a bell."""
+    return -bell(x, y)
 
 
 def _share(t: Theta, i: int, n: int) -> Any:

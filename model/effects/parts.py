@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from typing import Any, Literal
 
@@ -21,8 +22,14 @@ from model.stack.stack import Stack
 
 Vector = NDArray[np.float64]
 
+Bell = Callable[[Vector, Vector], Vector]
+"""From x and y, m, to a share that is 1 in the middle of something and falls to 0 about it."""
+
 N_STATION = 11
 """Stations of accelerometers along the stack where no test is known: with four edges the 44 points of the paper."""
+
+_SLOPE = math.tan(math.radians(30.0))
+"""Of the cone in which pressure spreads from what presses (Shigley, Mechanical Engineering Design, bolted joints)."""
 
 
 def clamps_of(assembly: Assembly, effect: str) -> tuple[Clamp, ...]:
@@ -251,6 +258,22 @@ def rigid_clamp(assembly: Assembly, clamp: Clamp) -> tuple[Kron, ...]:
         z = sp.csr_array(np.outer(rocking, rocking))
         krons += [square(field, rows[field], z) for field in ("u", "v")]
     return tuple(krons)
+
+
+def clamp_bells(stack: Stack, clamp: Clamp) -> tuple[Bell, Bell]:
+    """Return how the pressure of a clamp falls about it from 1 in its middle: as narrow and as wide as it may be.
+
+    The narrow bell is as wide as the cone of 30 degrees in which pressure spreads down to half the height, the wide
+    one as half the clamps' mean spacing: clamps are as stiff as that where they press evenly.
+    """
+    cone = [0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint]
+    spaced = max(0.5 * stack.length / len(stack.clamps), *cone)
+
+    def bell(x: Vector, y: Vector, width: Sequence[float]) -> Vector:
+        away = ((x - clamp.x) / width[0]) ** 2 + ((y - clamp.y) / width[1]) ** 2
+        return np.asarray(np.exp(-0.5 * away))
+
+    return partial(bell, width=cone), partial(bell, width=(spaced, spaced))
 
 
 def point_mass(

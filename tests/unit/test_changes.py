@@ -30,7 +30,7 @@ ELASTIC = (EdgeSupport(edge="front", along=1e7, across=1e6, rotation=1e3),)
 
 
 @functools.cache
-def system(n_lamina, held):
+def system(n_lamina, held, clamps=()):
     stack = model.Stack(
         name="s",
         length=0.3,
@@ -41,14 +41,18 @@ def system(n_lamina, held):
         contact=model.Contact(G_f=1000.0, d_f=1e-11, pressure=2e5, normal_modulus=5e8),
         mesh=model.Mesh(n_x=8, n_y=4),
         supports=ELASTIC if held else (),
+        clamps=clamps,
     )
     return model.reduce(stack)
 
 
-def fields(n_lamina, held=False, m=10):
-    own = system(n_lamina, held)
+def fields(n_lamina, held=False, m=10, clamps=()):
+    own = system(n_lamina, held, clamps)
     stiffness, mass = own.matrix("K", own.theta), own.matrix("M", own.theta)
     return own, Fields(own, la.eigh(stiffness, mass)[1][:, :m], own.theta, (100.0, 1000.0))
+
+
+CLAMPS = tuple(model.Clamp(mass=0.3, x=x, y=0.0, footprint=(0.03, 0.1)) for x in (-0.08, 0.05))
 
 
 def projected(own, made, name):
@@ -85,6 +89,13 @@ def test_rows_of_contact_make_the_matrices_of_the_model_and_layers_sum_to_the_wh
         assert np.abs(squared(rows, area) - expected).max() < 0.06 * np.abs(expected).max()
     whole, *thirds = (squared(made.contact(layer), area) for layer in made.layers)
     np.testing.assert_allclose(sum(thirds), whole, atol=1e-9 * np.abs(whole).max())
+
+
+def test_rows_of_clamps_make_their_masses():
+    own, made = fields(12, clamps=CLAMPS)
+    for i, rows in enumerate(made.clamps):
+        expected = projected(own, made, f"clamp {i} mass")
+        np.testing.assert_allclose(rows.T @ rows, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_rows_of_a_held_edge_make_its_stiffness():

@@ -491,10 +491,24 @@ class Fields:
         rows = self.lamina(layer, [(f, "") for f in FIELDS])
         return np.concatenate(rows, axis=1) / np.sqrt(layer.lamina.sum())
 
+    @cached_property
+    def clamps(self) -> Vector:
+        """Motion of the clamps' masses as rows, (n_clamp, R, m), whose squares are each mass as the model has it."""
+        assembly, found = self.system.assembly, []
+        for i in range(len(self.stack.clamps)):
+            moved = assembly.apply(assembly.term(f"clamp {i} mass").krons, self.vectors)
+            found.append(as_rows(self.vectors.T @ moved))
+        return np.array(found)
+
     @kept
     def contact(self, layer: Layer) -> Vector:
         """Return slip and opening of interfaces as rows, (n_point, R, m), whose squares are their energy per area."""
         return np.concatenate(self.slip_and_opening(layer), axis=1)
+
+    @kept
+    def slip(self, layer: Layer) -> Vector:
+        """Return slip alone."""
+        return self.slip_and_opening(layer)[0]
 
     def slip_and_opening(self, layer: Layer) -> tuple[Vector, Vector]:
         """Return both apart."""
@@ -544,6 +558,12 @@ class Fields:
             )
             found.append((touching.mean(axis=1), np.asarray(over_plan)))
         return found[0], found[1]
+
+
+def as_rows(matrix: Vector) -> Vector:
+    """Return rows, (m, m), whose squares sum to a matrix without negative eigenvalues."""
+    value, axes = la.eigh(matrix)
+    return np.asarray(np.sqrt(np.maximum(value, 0.0))[:, None] * axes.T)
 
 
 def _times(matrix: Vector, rows: Sequence[Vector]) -> list[Vector]:
