@@ -1,8 +1,11 @@
 """The question what changed on pairs that second models made: part of `make blind`, resumable."""
 
+from pathlib import Path
+
 import pytest
 
-from tests.studies.changes import Pair, figures, kinds_of, structure_of, study_of
+from tests.studies.changes import RECORD, Laboratory, Pair, figures, kinds_of, structure_of, study_of
+from tests.studies.runner import recorded
 
 OUT = "out/blind/changes.jsonl"
 NUMBER = 40
@@ -42,6 +45,12 @@ def test_a_change_below_three_scatters_is_not_counted_and_nothing_named_of_nothi
 def test_all_kinds_come_in_turn():
     drawn = {(structure_of(seed), kind) for seed in range(60) for kind in kinds_of(seed, structure_of(seed))}
     assert len(drawn) == 25
+
+
+def test_the_page_has_the_figures_of_the_record():
+    page = (Path(__file__).parents[2] / "docs/changes.md").read_text(encoding="utf-8")
+    for own in figures([pair for laboratory in recorded(RECORD, Laboratory) for pair in laboratory.pairs]):
+        assert own.row.split(" | ")[1] in page
 
 
 @pytest.mark.blind

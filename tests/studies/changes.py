@@ -28,9 +28,9 @@ from updating.diagnosis.candidates import CandidateModel, candidate_model, instr
 from updating.results.what_changed import WhatChanged
 
 RECORD = BLIND / "changes.jsonl"
-"""The laboratories of the published table."""
+"""The stacks of the published table."""
 FIRST_SEED = 66_300
-"""Of the published pairs; seeds below were looked at before."""
+"""Of a study that is made anew; seeds below were looked at before."""
 N_CHANGED = 2
 """Changed states that each laboratory measures."""
 REFERENCES = ("R1", "R2")
