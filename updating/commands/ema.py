@@ -179,7 +179,7 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
     )
     title += f", read from {Path(measured.read_from).name}" if measured.read_from else ""
     complexities = complexity(measured)
-    columns = ["mode", "f [Hz]", "± [Hz]", "damping [%]", "± [%]"]
+    columns = ["mode", "f [Hz]", "std [Hz]", "damping [%]", "std [%]"]
     numbers = (measured.frequency, measured.frequency_std, measured.damping, measured.damping_std)
     rows = [
         [str(r + 1), frequency_text(f, 3), f"{f_std:.2g}", f"{100 * xi:.4g}", f"{100 * xi_std:.2g}"]
@@ -292,7 +292,7 @@ def change_table(change: Change) -> Table:
         )
         for r, (f, f_std, d, d_std, mac) in enumerate(zip(*columns, strict=True))
     ]  # fmt: skip
-    header = ("mode", "f [Hz]", "shift [%]", "± [%]", "damping shift [%]", "± [%]", "MAC", "changed")
+    header = ("mode", "f [Hz]", "shift [%]", "std [%]", "damping shift [%]", "std [%]", "MAC", "changed")
     return table_of(f"{change.name} against {', '.join(change.reference)}", header, rows, words=(7,))
 
 
