@@ -86,9 +86,15 @@ class StackNear:
 
     def _stack(self, parts: list[_Part]) -> None:
         """Set the parts with their matrices in one array for each target."""
-        self.parts = parts
-        self.of_target = {t: [p for p in parts if p.target == t] for t in "KMC"}
-        self.stacked = {t: np.array([p.matrix for p in parts_of]) for t, parts_of in self.of_target.items()}
+        self.stacked = {t: np.array([p.matrix for p in parts if p.target == t]) for t in "KMC"}
+        self.of_target = {
+            t: [
+                replace(p, matrix=matrix)
+                for p, matrix in zip((p for p in parts if p.target == t), self.stacked[t], strict=True)
+            ]
+            for t in "KMC"
+        }
+        self.parts = [p for of_target in self.of_target.values() for p in of_target]
         self._moved = {n for t in ENERGIES for p in self.of_target[t] for n in p.names & self.moving}
 
     def _placed(
