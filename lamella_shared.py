@@ -139,9 +139,7 @@ def readonly(
     import numpy as np  # here: the packages are imported without it
 
     array = np.array(value, dtype=dtype, copy=None if _is_frozen(value) else True)
-    fits = array.ndim == len(shape) and all(
-        e is None or e == n for e, n in zip(shape, array.shape, strict=True)
-    )
+    fits = array.ndim == len(shape) and all(e is None or e == n for e, n in zip(shape, array.shape, strict=True))
     if not fits:
         expected = "(" + ", ".join("any" if e is None else str(e) for e in shape) + ")"
         raise ValueError(f"{owner}.{name}: expected shape {expected}, got {array.shape}")

@@ -62,9 +62,7 @@ extensions = [
 exclude_patterns = ["gallery", "auto_examples/*.ipynb", "auto_examples/*.py", "pictures"]
 templates_path = ["_templates"]
 default_role = "code"
-suppress_warnings = [
-    "ref.python"
-]  # of "(n_mode,) float" each word is tried as a name, and several things have it
+suppress_warnings = ["ref.python"]  # of "(n_mode,) float" each word is tried as a name, and several things have it
 myst_heading_anchors = 4
 
 autosummary_generate = True

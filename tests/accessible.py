@@ -35,11 +35,7 @@ def faults(page, *rules):
     page.evaluate((files(axe) / "axe.min.js").read_text(encoding="utf-8"))
     asked = {"resultTypes": ["violations"], **({"runOnly": list(rules)} if rules else {})}
     found = page.evaluate("(asked) => axe.run(document, asked)", asked)["violations"]
-    return [
-        (own["id"], own["nodes"][0]["html"][:200])
-        for own in found
-        if own["impact"] in ("serious", "critical")
-    ]
+    return [(own["id"], own["nodes"][0]["html"][:200]) for own in found if own["impact"] in ("serious", "critical")]
 
 
 def unreached(page, root="body"):
@@ -56,6 +52,4 @@ def unreached(page, root="body"):
         if not left:
             break
         page.keyboard.press("Tab")
-    return page.evaluate(
-        "[...document.querySelectorAll('[data-unreached]')].map((e) => e.outerHTML.slice(0, 160))"
-    )
+    return page.evaluate("[...document.querySelectorAll('[data-unreached]')].map((e) => e.outerHTML.slice(0, 160))")

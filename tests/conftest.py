@@ -29,9 +29,7 @@ def damaged(data: bytes, rng: np.random.Generator) -> bytes:
             break
         start = int(rng.integers(len(data)))
         stop = start + int(rng.integers(1, 40))
-        kind = rng.choice(
-            ["value", "rubbish", "lines", "byte", "loss", "double", "end"], p=[0.5, *6 * [0.5 / 6]]
-        )
+        kind = rng.choice(["value", "rubbish", "lines", "byte", "loss", "double", "end"], p=[0.5, *6 * [0.5 / 6]])
         if kind in ("value", "rubbish"):
             odd = VALUES if kind == "value" else RUBBISH
             word = re.compile(rb"[-+]?\d[\d.eE+-]*|\"[^\"\n]*\"|\w+").search(data, start)

@@ -23,23 +23,18 @@ SEEN = 0.2  # 1/sqrt(kg), of the largest component of a mode that a test sees
 Added = tuple[str, Sequence[float], str, float]  # "M" or "K", place in mm, directions, kg or N/m
 
 
-def as_measured(
-    folder: Path, frequency: np.ndarray, shape: np.ndarray, points: np.ndarray = POINTS
-) -> ModalModel:
+def as_measured(folder: Path, frequency: np.ndarray, shape: np.ndarray, points: np.ndarray = POINTS) -> ModalModel:
     """Return modes through the files in which a test would bring them."""
     n = frequency.size
     (folder / "modes.csv").write_text(
         "mode,frequency_Hz,damping,frequency_std_Hz,damping_std,shape_std\n"
-        + "".join(
-            f"{i + 1},{f},0.01,{STD['frequency'] * f},0.001,{STD['shape']}\n" for i, f in enumerate(frequency)
-        )
+        + "".join(f"{i + 1},{f},0.01,{STD['frequency'] * f},0.001,{STD['shape']}\n" for i, f in enumerate(frequency))
     )
     names = ",".join(f"mode_{i + 1}_real,mode_{i + 1}_imag" for i in range(n))
     (folder / "shapes.csv").write_text(
         f"node,x,y,z,{names}\n"
         + "".join(
-            f"{int(p[0])},0,0,1,{','.join(f'{v},0' for v in row)}\n"
-            for p, row in zip(points, shape, strict=True)
+            f"{int(p[0])},0,0,1,{','.join(f'{v},0' for v in row)}\n" for p, row in zip(points, shape, strict=True)
         )
     )
     np.savetxt(folder / "points.csv", points, delimiter=",", header="node,x,y,z", comments="", fmt="%.9g")
@@ -77,11 +72,7 @@ def plate_test(
             i = int(np.flatnonzero(own)[0])
             matrix[target][i, i] += value
     square, vector = sla.eigsh(
-        sp.csc_matrix(matrix["K"]),
-        14,
-        sp.csc_matrix(matrix["M"]),
-        sigma=-1e4,
-        v0=np.ones(structure.node.size),
+        sp.csc_matrix(matrix["K"]), 14, sp.csc_matrix(matrix["M"]), sigma=-1e4, v0=np.ones(structure.node.size)
     )
     at = places_on(structure, POINTS[:, 0], 1e-3 * POINTS[:, 1:], np.tile([0.0, 0.0, 1.0], (len(POINTS), 1)))
     up = {int(n): i for i, (n, d) in enumerate(zip(structure.node, structure.dof, strict=True)) if d == 3}

@@ -70,26 +70,15 @@ def deck(
             name = "STRIP" if 3 * i >= 2 * n_x else "INNER"
             label = str(i * n_y + j + 1)
             solids[name].append(", ".join([label, *nodes[:9]]) + ",\n" + ", ".join(nodes[9:]))
-    place = {
-        n: (i * LENGTH / n_x / 2, j * WIDTH / n_y / 2, k * THICKNESS / 2) for (i, j, k), n in number.items()
-    }
+    place = {n: (i * LENGTH / n_x / 2, j * WIDTH / n_y / 2, k * THICKNESS / 2) for (i, j, k), n in number.items()}
     root = [n for (i, _, _), n in number.items() if i == 0]
     lines = ["*NODE, NSET=ALL", *(f"{n}, {x:.6g}, {y:.6g}, {z:.6g}" for n, (x, y, z) in place.items())]
     for name, own in solids.items():
         lines += [f"*ELEMENT, TYPE=C3D20R, ELSET={name}", *own]
     lines += ["*NSET, NSET=ROOT", *(f"{n}," for n in root)]
-    lines += [
-        "*NSET, NSET=TOP",
-        *(f"{n}," for (i, j, k), n in number.items() if k == 2 and i % 2 == j % 2 == 0),
-    ]
+    lines += ["*NSET, NSET=TOP", *(f"{n}," for (i, j, k), n in number.items() if k == 2 and i % 2 == j % 2 == 0)]
     for name, factor in (("INNER", 1.0), ("STRIP", outer)):
-        lines += [
-            f"*MATERIAL, NAME={name}",
-            "*ELASTIC",
-            f"{factor * YOUNG}, {POISSON}",
-            "*DENSITY",
-            f"{DENSITY}",
-        ]
+        lines += [f"*MATERIAL, NAME={name}", "*ELASTIC", f"{factor * YOUNG}, {POISSON}", "*DENSITY", f"{DENSITY}"]
         lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL={name}"]
     if springs:
         for axis in (1, 2, 3):
@@ -121,8 +110,7 @@ def simulated(folder: Path) -> None:
     spring = TRUTH["springs"] * 23 * SPRING / (root.sum() / 3)  # N/mm on each of more nodes
     free, mass = matrix("fine.sti"), matrix("fine.mas")
     rows = [
-        int(np.flatnonzero(np.all(place == [x, y, THICKNESS], axis=1) & (label[:, 1] == 3))[0])
-        for x, y in SENSOR_MM
+        int(np.flatnonzero(np.all(place == [x, y, THICKNESS], axis=1) & (label[:, 1] == 3))[0]) for x, y in SENSOR_MM
     ]
 
     def bolted(at_mm: object, kg: object) -> sp.dia_array:
@@ -148,17 +136,13 @@ def measured(
     name: str, stiffness: sp.sparray, mass: sp.sparray, rows: list[int], rng: np.random.Generator
 ) -> np.ndarray:
     """Write what a test measures of a structure in mm-t-s, and return its angular frequencies."""
-    square, shape = sla.eigsh(
-        sp.csc_matrix(stiffness), 30, sp.csc_matrix(mass), sigma=-1e4, v0=np.ones(mass.shape[0])
-    )
+    square, shape = sla.eigsh(sp.csc_matrix(stiffness), 30, sp.csc_matrix(mass), sigma=-1e4, v0=np.ones(mass.shape[0]))
     omega = np.sqrt(square)
     seen = shape[rows] * 1e3**-0.5  # 1/sqrt(t) to 1/sqrt(kg)
     w = 2.0 * np.pi * np.arange(20.0, 1600.0, 1.0)
     gain = 1.0 / (omega[:, None] ** 2 - w**2 + 2j * DAMPING * omega[:, None] * w)
     value = -(w**2) * ((seen * seen[DRIVE - 1]) @ gain)  # (m/s2)/N
-    noise = (
-        rng.standard_normal((2, *value.shape)) * np.sqrt(np.mean(abs(value) ** 2, axis=1))[:, None] / 2**0.5
-    )
+    noise = rng.standard_normal((2, *value.shape)) * np.sqrt(np.mean(abs(value) ** 2, axis=1))[:, None] / 2**0.5
     value = value + NOISE * (noise[0] + 1j * noise[1])
     node = np.arange(1, len(rows) + 1)
     up = np.tile([0.0, 0.0, 1.0], (len(rows), 1))
@@ -192,10 +176,7 @@ def main() -> None:
         for file in ("plate.inp", "plate.dof"):
             shutil.copy(folder / file, HERE / file)
         for file in ("plate.sti", "plate.mas", "strip_doubled.sti"):
-            with (
-                (HERE / f"{file}.gz").open("wb") as raw,
-                gzip.GzipFile(fileobj=raw, mode="wb", mtime=0) as packed,
-            ):
+            with (HERE / f"{file}.gz").open("wb") as raw, gzip.GzipFile(fileobj=raw, mode="wb", mtime=0) as packed:
                 packed.write((folder / file).read_bytes())
         simulated(folder)
 

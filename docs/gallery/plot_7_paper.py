@@ -32,9 +32,7 @@ def rows(name):
 def fitted(name):
     """Return measured, published and modelled frequencies of a stack, and its G_f."""
     row, height = rows("table7_frequencies_320kPa.csv")[name], rows("table1_stacks.csv")[name]["height_mm"]
-    measured, published = (
-        np.array([float(row[f"f{r}_{of}_Hz"]) for r in range(1, 5)]) for of in ("exp", "num")
-    )
+    measured, published = (np.array([float(row[f"f{r}_{of}_Hz"]) for r in range(1, 5)]) for of in ("exp", "num"))
     stack = replace(planform.with_contact(pressure=320e3), height=1e-3 * float(height))
     system = model.reduce(stack, G_f_range=G_F_BOUNDS, n_snapshot=4)
     grid = model.observe(system, class_grid(stack))
@@ -64,9 +62,7 @@ from matplotlib.figure import Figure
 from ema.plot import palette
 
 figure = Figure(figsize=(9.0, 3.0), layout="constrained")
-for axes, (name, (measured, published, ours, _)) in zip(
-    figure.subplots(1, 2, sharey=True), found.items(), strict=True
-):
+for axes, (name, (measured, published, ours, _)) in zip(figure.subplots(1, 2, sharey=True), found.items(), strict=True):
     at = np.arange(len(CLASSES))
     for shift, frequency, label, color in (
         (-0.2, published, "published model", palette.QUIET),
@@ -82,33 +78,25 @@ figure.axes[0].set_ylabel("frequency error [%]")
 # %%
 # Every calibration has a third bending mode, near 680 Hz under C1, between the modes that the paper reports. Neither
 # damping nor a neighbour can hide it: it is far more than its bandwidth away from both neighbours.
-stack = model.read_stack(DATA / "pirnat2013/stack_C1.toml").with_effects(
-    *model.find_effects(["clamp_inertia"])
-)
+stack = model.read_stack(DATA / "pirnat2013/stack_C1.toml").with_effects(*model.find_effects(["clamp_inertia"]))
 roll = {"clamp_roll_inertia": 0.0025, "clamp_station": 0.89}  # as the 18 stacks say together
 system = model.reduce(stack, ranges={"clamp_roll_inertia": (0.0, 0.005)})
 given = {"G_f": 1.3 * stack.contact.G_f, "d_f": stack.contact.d_f, "parameters": roll}
 modes = model.solve_modes(system, n_mode=14, observation=class_grid(stack), **given)
 name = shape_classes(modes)
 for r in (name.index(own) for own in ("bending 2", "bending 3", "torsion 2")):
-    print(
-        f"{name[r]}: {modes.frequency[r]:.0f} Hz, bandwidth {2 * modes.damping[r] * modes.frequency[r]:.0f} Hz"
-    )
+    print(f"{name[r]}: {modes.frequency[r]:.0f} Hz, bandwidth {2 * modes.damping[r] * modes.frequency[r]:.0f} Hz")
 
 # %%
 # The place of the shaker can. The paper shows it in a photograph alone, so it is tried: the mean of the functions at
 # 44 points of the upper face, driven at its corner and near a node of that mode.
-x, y = np.meshgrid(
-    np.linspace(-0.5, 0.5, 11) * stack.length, np.linspace(-0.5, 0.5, 4) * stack.width, indexing="ij"
-)
+x, y = np.meshgrid(np.linspace(-0.5, 0.5, 11) * stack.length, np.linspace(-0.5, 0.5, 4) * stack.width, indexing="ij")
 
 
 def above(x: list[float], y: list[float]) -> model.Observation:
     """Return places on the upper face, moving across the sheets."""
     place = np.column_stack([x, y, np.full(len(x), 0.5 * stack.height)])
-    return model.Observation(
-        node=np.arange(len(x)), location=place, direction=np.tile([0.0, 0.0, 1.0], (len(x), 1))
-    )
+    return model.Observation(node=np.arange(len(x)), location=place, direction=np.tile([0.0, 0.0, 1.0], (len(x), 1)))
 
 
 points, lines = above(x.ravel(), y.ravel()), np.arange(200.0, 1000.0, 2.0)

@@ -30,9 +30,7 @@ print(reduced.size, {name: f"{error:.1e}" for name, error in reduced.left.freque
 fit = updating.fit_matrices(structure, identified.modal_model, threshold=0.7)
 for own in fit.moved:
     pulled = own.deviations or 0.0
-    print(
-        f"{own.label}: {own.value:.3g}, stated {own.stated:.3g}, pulled by {pulled:+.1f} deviations of its prior"
-    )
+    print(f"{own.label}: {own.value:.3g}, stated {own.stated:.3g}, pulled by {pulled:+.1f} deviations of its prior")
 print("\n".join(fit.findings))
 
 # %%

@@ -15,9 +15,7 @@ import ema
 import model
 
 DATA = Path(model.__file__).parents[1] / "data"
-campaigns = {
-    name: ema.read_campaign(DATA / f"hidden_effect/{name}/campaign.toml") for name in ("change_a", "change_b")
-}
+campaigns = {name: ema.read_campaign(DATA / f"hidden_effect/{name}/campaign.toml") for name in ("change_a", "change_b")}
 modes = {
     name: {own.modal_model.name: own.modal_model for own in ema.identify(campaign)}
     for name, campaign in campaigns.items()

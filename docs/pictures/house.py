@@ -89,8 +89,7 @@ def drawn(graph: Graph, lines: Counter[str]) -> str:
         '<path d="M0 0L8 4L0 8z" style="fill:#57606a;stroke:none;marker-end:none"/></marker></defs>',
     ]
     parts += [
-        f'<text class="head" x="{LEFT[p] + BOX[0] / 2}" y="40" text-anchor="middle">{p}/</text>'
-        for p in PACKAGES
+        f'<text class="head" x="{LEFT[p] + BOX[0] / 2}" y="40" text-anchor="middle">{p}/</text>' for p in PACKAGES
     ]
     for name, targets in direct(graph).items():
         parts += [arrow(place[name], place[target]) for target in sorted(targets)]

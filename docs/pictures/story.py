@@ -26,10 +26,7 @@ CONFIGURATION, MODE = 0, 2  # the shape that is shown, both from 0
 def draw_shape(axes: Axes3D, pair: ShapePair, moved: np.ndarray, color: str) -> None:
     """Draw the points of a stack where a mode moves them, over the points at rest."""
     size = 1.2 * SWELL * float(np.ptp(pair.coordinate, axis=0).max())
-    for points, shade, width in (
-        (pair.coordinate, palette.PALE, 1.0),
-        (pair.coordinate + size * moved, color, 1.6),
-    ):
+    for points, shade, width in ((pair.coordinate, palette.PALE, 1.0), (pair.coordinate + size * moved, color, 1.6)):
         ends = np.insert(points[pair.line], 2, np.nan, axis=1).reshape(-1, 3)  # one path with gaps
         axes.plot(*(1e3 * ends.T), color=shade, linewidth=width)
         axes.plot(*(1e3 * points.T), ".", color=shade, markersize=4.0 * width)
@@ -44,9 +41,7 @@ def draw_errors(axes: Axes, found: Diagnosis) -> None:
     at = np.arange(len(found.errors), dtype=float)
     names = list(dict.fromkeys(own.configuration for own in found.errors))
     at += [names.index(own.configuration) for own in found.errors]
-    before, after = (
-        [100.0 * abs(getattr(own, name)) for own in found.errors] for name in ("base", "explained")
-    )
+    before, after = ([100.0 * abs(getattr(own, name)) for own in found.errors] for name in ("base", "explained"))
     bars = axes.bar(at, before, 0.62, color=palette.BASE)
     (dots,) = axes.plot(at, after, "o", color=palette.FOUND, markersize=8, clip_on=False, zorder=3)
     base, own = found.ranked(()), found.ranked(found.set[0])
@@ -72,9 +67,7 @@ def story(folder: Path) -> Figure:
     results = with_models(read_results(folder))
     tested, found = results.tested[CONFIGURATION], results.diagnosis
     if found is None or not found.set or tested.identified is None:
-        message = (
-            f"{folder}: the picture needs a campaign that was fitted and a diagnosis that names an effect"
-        )
+        message = f"{folder}: the picture needs a campaign that was fitted and a diagnosis that names an effect"
         raise SystemExit(message)
     before, after = (shape_pairs(tested.measured, fit)[MODE] for fit in (tested.fit, tested.identified.fit))
     figure = Figure(figsize=(10.5, 4.8))

@@ -368,9 +368,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         reassembly=Reassembly(**content.reassembly.model_dump()),
         full_scale=content.measurement.full_scale,
         modes_std=ModesStd(
-            frequency=content.modes.frequency_std,
-            damping=content.modes.damping_std,
-            shape=content.modes.shape_std,
+            frequency=content.modes.frequency_std, damping=content.modes.damping_std, shape=content.modes.shape_std
         ),
         file_units=read_uff_units(points) if points is not None and format_of(points) == "uff" else None,
         project=content.campaign.project,
@@ -393,9 +391,7 @@ def _require_description(path: Path, given: MeasurementSection, files: list[Path
             "channel at full scale in its unit, and [measurement.time] with force_unit and response_unit"
         )
     if "csv" in formats and (given.table is None or not stated):
-        raise CampaignError(
-            f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns"
-        )
+        raise CampaignError(f"{path}: measurement: text files need 'unit' and [measurement.table] with their columns")
     if formats & {"mat", "hdf5", "numpy", "tdms"} and (given.variables is None or not stated):
         raise CampaignError(
             f"{path}: measurement: MATLAB, HDF5, NumPy and TDMS files need 'unit' and [measurement.variables] with "
@@ -446,13 +442,7 @@ def _configuration(path: Path, folder: Path, given: ConfigurationSection) -> Con
 
 
 def _files(
-    path: Path,
-    folder: Path,
-    key: str,
-    names: Names,
-    dofs: tuple[tuple[Dof, ...], tuple[Dof, ...]],
-    *,
-    together: bool,
+    path: Path, folder: Path, key: str, names: Names, dofs: tuple[tuple[Dof, ...], tuple[Dof, ...]], *, together: bool
 ) -> Files:
     """Return the files of names, or those of lists of names that belong side by side."""
     output, force = dofs
@@ -504,9 +494,7 @@ def geometry_of(
     try:
         special = file.exists() and not (file.is_file() or file.is_dir())
     except OSError as error:  # such as a name that is too long
-        raise CampaignError(
-            f"{path}: points.file: {given.file[:60]!r} names no file: {error.strerror}"
-        ) from error
+        raise CampaignError(f"{path}: points.file: {given.file[:60]!r} names no file: {error.strerror}") from error
     if special:
         raise CampaignError(f"{path}: points.file: {given.file!r} is a pipe or a device; name a plain file")
     unit = None if given.unit is None else parse_unit(given.unit)
@@ -520,8 +508,7 @@ def geometry_of(
         geometry, notes = read_points(file, unit), ()
     if geometry.node.size > most_points:
         raise CampaignError(
-            f"{file}: holds {geometry.node.size} points, at most {most_points} can be; leave out what was not "
-            "measured"
+            f"{file}: holds {geometry.node.size} points, at most {most_points} can be; leave out what was not measured"
         )
     drawn = [pair for line in given.lines for pair in pairwise(line)]
     absent = sorted({n for pair in drawn for n in pair} - {int(n) for n in geometry.node})

@@ -160,9 +160,7 @@ def format_of(file: Path, stated: Format | None = None) -> Format:
         return "csv"  # reading it says what is wrong
 
 
-def named_files(
-    path: Path, folder: Path, key: str, patterns: tuple[str, ...], *, shown: int = 60
-) -> tuple[Path, ...]:
+def named_files(path: Path, folder: Path, key: str, patterns: tuple[str, ...], *, shown: int = 60) -> tuple[Path, ...]:
     """Return the files of all patterns, those of one pattern in the natural order of their names.
 
     Parameters
@@ -186,9 +184,7 @@ def named_files(
         try:
             files += _named(path, folder, key, pattern)
         except OSError as error:  # such as a name that is too long
-            raise CampaignError(
-                f"{path}: {key}: {pattern[:shown]!r} names no file: {error.strerror}"
-            ) from error
+            raise CampaignError(f"{path}: {key}: {pattern[:shown]!r} names no file: {error.strerror}") from error
     return tuple(dict.fromkeys(files))
 
 
@@ -301,8 +297,7 @@ DofEntry = Annotated[Dof, BeforeValidator(_dof)]
 DofEntries = Annotated[tuple[DofEntry, ...], BeforeValidator(_several)]
 FileNames = Annotated[tuple[str, ...], BeforeValidator(_several)]
 RecordNames = Annotated[
-    tuple[str, ...] | tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...],
-    BeforeValidator(_several_records),
+    tuple[str, ...] | tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...], BeforeValidator(_several_records)
 ]
 FullScale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
@@ -334,9 +329,7 @@ class PointsSection(Section):
     @model_validator(mode="after")
     def _of_a_file(self) -> PointsSection:
         if self.file is None and (self.unit is not None or self.lines):
-            raise ValueError(
-                "'unit' and 'lines' are of the points that 'file' lists: name it, or leave them out"
-            )
+            raise ValueError("'unit' and 'lines' are of the points that 'file' lists: name it, or leave them out")
         return self
 
 
@@ -360,9 +353,7 @@ class MeasurementSection(Section):
                 "divided by the sensor's sensitivity: 'V/N/(100 mV/g)'"
             )
         if self.time is not None and "exponential_window_s" in self.model_fields_set:
-            raise ValueError(
-                "[measurement.time] has 'response_end' for its window: leave 'exponential_window_s' out"
-            )
+            raise ValueError("[measurement.time] has 'response_end' for its window: leave 'exponential_window_s' out")
         if self.time is not None and self.unit is not None:
             raise ValueError("[measurement.time] takes 'force_unit' and 'response_unit' in place of 'unit'")
         if self.table is not None and (self.table.layout == "time") != (self.time is not None):
@@ -373,9 +364,7 @@ class MeasurementSection(Section):
                 "FRFs"
             )
         if self.variables is not None and self.variables.history is not None and self.time is None:
-            raise ValueError(
-                "'history' in [measurement.variables] needs [measurement.time] with how it is averaged"
-            )
+            raise ValueError("'history' in [measurement.variables] needs [measurement.time] with how it is averaged")
         return self
 
 
@@ -468,8 +457,7 @@ class IdentificationSection(Section):
         highest = 1e9  # Hz
         if self.band_Hz is not None and not 0 <= self.band_Hz[0] < self.band_Hz[1] <= highest:
             raise ValueError(
-                f"band_Hz must be [lower, upper] with 0 <= lower < upper <= {highest:g}, found "
-                f"{list(self.band_Hz)}"
+                f"band_Hz must be [lower, upper] with 0 <= lower < upper <= {highest:g}, found {list(self.band_Hz)}"
             )
         return self
 

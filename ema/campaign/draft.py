@@ -127,9 +127,7 @@ def draft(folder: Path) -> Draft:
     )
 
 
-def _over_points(
-    folder: Path, configurations: dict[str, tuple[Contents, ...]]
-) -> dict[str, tuple[Contents, ...]]:
+def _over_points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> dict[str, tuple[Contents, ...]]:
     """Return subfolders that are called by points, such as point_1 and point_2, as one configuration: no states."""
     of_place: dict[Path, list[str]] = defaultdict(list)
     for name, contents in configurations.items():
@@ -247,8 +245,7 @@ def _beside_frequencies(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
     alone = {
         c.file: axis
         for c in contents
-        if c.keys.get("frf") == UNKNOWN
-        and (axis := lone_axis(c.file, matlab=format_of(c.file) == "mat")) is not None
+        if c.keys.get("frf") == UNKNOWN and (axis := lone_axis(c.file, matlab=format_of(c.file) == "mat")) is not None
     }
     given: list[Contents] = []
     used: set[Path] = set()
@@ -283,9 +280,7 @@ def _of_one_name(every: list[Contents]) -> list[Contents]:
     if common == keys[0]:
         return every
     said = "where the names of variables differ from file to file stands *"
-    return [
-        replace(c, keys=common, guesses=(*c.guesses, said)) if c.section == "variables" else c for c in every
-    ]
+    return [replace(c, keys=common, guesses=(*c.guesses, said)) if c.section == "variables" else c for c in every]
 
 
 def _of_one_header(every: list[Contents]) -> list[Contents]:
@@ -296,9 +291,7 @@ def _of_one_header(every: list[Contents]) -> list[Contents]:
     alike: dict[str, list[Contents]] = defaultdict(list)
     for c in every:
         if c.section == "table":
-            alike[
-                repr({key: v for key, v in c.keys.items() if key not in ("header_rows", "encoding")})
-            ].append(c)
+            alike[repr({key: v for key, v in c.keys.items() if key not in ("header_rows", "encoding")})].append(c)
     common = {
         of_set: {
             "header_rows": min(c.keys.get("header_rows", 0) for c in tables),
@@ -410,9 +403,7 @@ def _of_one_layout(
     for section in ("table", "variables"):
         layouts = {repr(c.keys): c for c in used if c.section == section}
         understood = [c for c in used if c.section == section and UNKNOWN not in c.keys.values()]
-        understood = understood or [
-            c for c in used if c.section == section
-        ]  # what is understood outvotes what is not
+        understood = understood or [c for c in used if c.section == section]  # what is understood outvotes what is not
         counts = Counter(repr(c.keys) for c in understood)
         if counts:
             usual[section] = layouts[counts.most_common(1)[0][0]]
@@ -448,12 +439,8 @@ def _with_forces(
                 for c in contents
             )
             continue
-        alone = [
-            of_set[0] for of_set in sets if of_set[0].is_time and sum(len(c.titles) for c in of_set) == 1
-        ]
-        if len(alone) < len(sets) or any(
-            map(is_of_force, contents)
-        ):  # which may be put beside each other by hand
+        alone = [of_set[0] for of_set in sets if of_set[0].is_time and sum(len(c.titles) for c in of_set) == 1]
+        if len(alone) < len(sets) or any(map(is_of_force, contents)):  # which may be put beside each other by hand
             kept[name] = contents
             continue
         left_out.extend(
@@ -494,9 +481,7 @@ def _differing(contents: Contents, usual: Contents) -> str:
     """Say in words which keys of a file, and perhaps which unit, are others than the usual ones."""
     here, there = ({**one.keys, "unit": one.unit or one.odd_unit or "unknown"} for one in (contents, usual))
     names = [name for name in {**here, **there} if here.get(name) != there.get(name)]
-    return "; ".join(
-        f"{name} {here.get(name, 'not needed')} instead of {there.get(name, 'none')}" for name in names
-    )
+    return "; ".join(f"{name} {here.get(name, 'not needed')} instead of {there.get(name, 'none')}" for name in names)
 
 
 def _lists_points(file: Path) -> bool:
@@ -533,9 +518,7 @@ def first_points(files: Iterable[Path], *, longest: float = 10.0) -> PointsFound
 
 def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> PointsFound | None:
     """Return the list of points: a table of the folder, else the first universal file that holds some."""
-    every = [
-        f for f in sorted(folder.rglob("*"), key=natural) if f.is_file() and not (f.parent / _RESULT).exists()
-    ]
+    every = [f for f in sorted(folder.rglob("*"), key=natural) if f.is_file() and not (f.parent / _RESULT).exists()]
     tables = [f for f in every if f.suffix.lower() in _TEXT_SUFFIXES and _lists_points(f)]
     measured = [c.file for contents in configurations.values() for c in contents]
     beside = [f for f in sorted(folder.iterdir(), key=natural) if f.is_file()]

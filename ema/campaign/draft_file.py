@@ -80,9 +80,7 @@ def trace_lines(
     if node.size < 2:
         return []
     span = float(np.ptp(coordinate, axis=0).max())
-    cell = (
-        np.round(coordinate / (same * span)).astype(np.int64) if span > 0.0 else np.zeros((node.size, 3), int)
-    )
+    cell = np.round(coordinate / (same * span)).astype(np.int64) if span > 0.0 else np.zeros((node.size, 3), int)
     rows = list(_rows(cell))
     joined = np.zeros((node.size, 3), dtype=bool)
     for axis, row in rows:
@@ -119,9 +117,7 @@ def _face_edges(coordinate: NDArray[np.float64], same: float) -> Iterator[tuple[
             yield from ((min(pair), max(pair)) for pair in pairwise(closed))
 
 
-def _faces(
-    coordinate: NDArray[np.float64], same: float
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+def _faces(coordinate: NDArray[np.float64], same: float) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
     """Yield the points of each plane face, and where they are in its plane."""
     centred = coordinate - coordinate.mean(axis=0)
     _, _, direction = np.linalg.svd(centred, full_matrices=False)
@@ -176,9 +172,7 @@ def draft_file(drafted: Draft) -> DraftFile:
     lines = ["[campaign]", f"name = {as_toml(drafted.folder.resolve().name)}", "", "[structure]"]
     if drafted.stack is None:
         missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
-        lines.append(
-            '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
-        )
+        lines.append('# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file')
     else:
         lines.append(f"stack = {as_toml(drafted.stack.name)}")
     lines += ["", "[points]", *_points(drafted, missing), *_measurement(drafted, missing)]
@@ -201,9 +195,7 @@ def write_draft(drafted: Draft, file: DraftFile) -> Path:
     """
     path = drafted.folder / NAME
     if path.exists():
-        raise CampaignError(
-            f"{path}: is there already and is not overwritten; move it away to have a new one"
-        )
+        raise CampaignError(f"{path}: is there already and is not overwritten; move it away to have a new one")
     with whole(path, CampaignError) as part:
         part.write_text(file.text, encoding="utf-8")
     return path
@@ -296,9 +288,7 @@ def _section(section: str, described: list[Contents], missing: list[str]) -> Ite
         yield f"{key} = {as_toml(value)}{'  # to be filled in' if unknown else ''}"
 
 
-def _configuration(
-    drafted: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]
-) -> Iterable[str]:
+def _configuration(drafted: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]) -> Iterable[str]:
     yield "[[configuration]]"
     yield f"name = {as_toml(name)}"
     yield '# compare_to = "NAME"   # of a changed state: the configuration before the change, or a list of its repeats'
@@ -318,9 +308,7 @@ def _configuration(
             continue
         dofs = [pair[which] for c in contents for pair in c.dofs]
         comment = ""
-        by_exclusion = (
-            force_by_exclusion(drafted, contents) if end == "input" and set(dofs) == {None} else None
-        )
+        by_exclusion = force_by_exclusion(drafted, contents) if end == "input" and set(dofs) == {None} else None
         if by_exclusion is not None:
             dofs = [by_exclusion]
             comment = "  # guessed: the only listed point that is no output"
@@ -340,9 +328,7 @@ def _hammer_roves(contents: tuple[Contents, ...]) -> bool:
     return stated and len(contents) > 1 and len(responses) == 1 and len(set(forces)) == len(forces)
 
 
-def _histories(
-    drafted: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]
-) -> Iterable[str]:
+def _histories(drafted: Draft, name: str, contents: tuple[Contents, ...], missing: list[str]) -> Iterable[str]:
     """Give the files of a configuration of time histories, as runs where their names tell which are averaged."""
     sets = side_by_side(contents)
     runs = averaged(sets)

@@ -26,9 +26,7 @@ from ema.types.errors import MeasurementError
 
 Set = tuple[Contents, ...]
 """Files that hold channels of the same records."""
-_FORCE_FILE = re.compile(
-    r"^(f|force|forces|hammer|ham|impact|kraft|sila|kladivo|exc|excitation|input)$", re.IGNORECASE
-)
+_FORCE_FILE = re.compile(r"^(f|force|forces|hammer|ham|impact|kraft|sila|kladivo|exc|excitation|input)$", re.IGNORECASE)
 _MOTION = re.compile(r"^a(cc)?[ _]?[xyz]$|accel|^acc\b|beschl|\bveloc|displac|pospe[sš]", re.IGNORECASE)
 """What a channel of a motion may be called, in English, German or Slovene."""
 _BLOW = re.compile(r"(hit|blow|strike|schlag|udar\w*|rep|repeat|average|avg|trial)[ _-]*\d+", re.IGNORECASE)
@@ -70,9 +68,7 @@ def _words(contents: Contents) -> list[re.Match[str]]:
 def _without(contents: Contents, start: int, end: int) -> str:
     """Return a name without a word and all signs: what files of one record share."""
     stem = contents.file.stem
-    return "/".join(
-        (str(contents.file.parent), re.sub(r"[\W_]+", "", f"{stem[:start]} {stem[end:]}").lower())
-    )
+    return "/".join((str(contents.file.parent), re.sub(r"[\W_]+", "", f"{stem[:start]} {stem[end:]}").lower()))
 
 
 def is_of_force(contents: Contents) -> bool:
@@ -90,9 +86,7 @@ def _force_key(contents: Contents) -> str | None:
 def _keys(contents: Contents) -> list[str]:
     """Return the name of a file without each of its words, and without each with the number behind it."""
     number = [re.compile(r"[ _-]*\d*").match(contents.file.stem, word.end()) for word in _words(contents)]
-    ends = [
-        (word.start(), {word.end(), n.end()}) for word, n in zip(_words(contents), number, strict=True) if n
-    ]
+    ends = [(word.start(), {word.end(), n.end()}) for word, n in zip(_words(contents), number, strict=True) if n]
     return [_without(contents, start, end) for start, both in ends for end in sorted(both)]
 
 
@@ -124,9 +118,7 @@ def averaging_of(sets: list[Set], *, looked_at: int = 3) -> dict[str, Guessed]:
         return guessed  # universal files state their units
     if force is None:
         position = int(np.argmin(_are_motions(titles, len(titles)))) if titles else 0
-        guessed["force"] = Guessed(
-            value=position + 1, comment="guessed: nothing tells which channel is the force"
-        )
+        guessed["force"] = Guessed(value=position + 1, comment="guessed: nothing tells which channel is the force")
     units = [_unit(title) for title in titles]
     unit = units[position] if position < len(units) else None
     others = {label for k, label in enumerate(units) if k != position}
@@ -153,9 +145,7 @@ def dofs_of(files: Set, position: int) -> list[tuple[Code | None, Code | None]]:
 def _titles(files: Set) -> list[str]:
     """Return what each channel is called; the only one of a file among others is called like the file."""
     return [
-        title or (c.file.stem if len(files) > 1 and len(c.titles) == 1 else "")
-        for c in files
-        for title in c.titles
+        title or (c.file.stem if len(files) > 1 and len(c.titles) == 1 else "") for c in files for title in c.titles
     ]
 
 
@@ -163,13 +153,8 @@ def _record(files: Set) -> list[MeasuredFunction] | None:
     """Return the channels of a first record; None where its description lacks something, or it cannot be read."""
     channels: list[MeasuredFunction] = []
     for c in files:
-        keys = {
-            key: 1.0 if (key, value) == ("sampling_Hz", UNKNOWN) else value for key, value in c.keys.items()
-        }
-        keys = {
-            key: (value,) if key == "history" and isinstance(value, str) else value
-            for key, value in keys.items()
-        }
+        keys = {key: 1.0 if (key, value) == ("sampling_Hz", UNKNOWN) else value for key, value in c.keys.items()}
+        keys = {key: (value,) if key == "history" and isinstance(value, str) else value for key, value in keys.items()}
         kind = format_of(c.file)
         try:
             if kind == "uff":
@@ -197,16 +182,12 @@ def _force(files: Set, records: list[list[MeasuredFunction]], titles: list[str])
     called = [k for k, title in enumerate(titles) if FORCE.search(title)]
     if len(called) == 1:
         return Guessed(value=called[0], comment="guessed: its title says so")
-    shares = [
-        pulse_share(np.array([f.value for f in record])) for record in records if _of_one_length(record)
-    ]
+    shares = [pulse_share(np.array([f.value for f in record])) for record in records if _of_one_length(record)]
     shares = [np.where(_are_motions(titles, share.size), 1.0, share) for share in shares]
     narrowest = Counter(int(np.argmin(share)) for share in shares if share.min() < PULSE)
     if not narrowest:
         return None
-    return Guessed(
-        value=narrowest.most_common(1)[0][0], comment="guessed: it is a short pulse, as of a hammer"
-    )
+    return Guessed(value=narrowest.most_common(1)[0][0], comment="guessed: it is a short pulse, as of a hammer")
 
 
 def of_motions_alone(files: Set) -> bool:
@@ -220,9 +201,7 @@ def _are_motions(titles: list[str], count: int) -> NDArray[np.bool_]:
     if len(titles) != count:
         return np.zeros(count, dtype=bool)
     units = [_unit(title) for title in titles]
-    called = [
-        unit is None and _MOTION.search(title) is not None for unit, title in zip(units, titles, strict=True)
-    ]
+    called = [unit is None and _MOTION.search(title) is not None for unit, title in zip(units, titles, strict=True)]
     stated = [unit is not None and _is_motion(parse_unit(unit)) for unit in units]
     return np.array(called) | np.array(stated)
 
@@ -239,18 +218,14 @@ def _window(forces: list[MeasuredFunction], *, fewest_hits: int = 3) -> dict[str
     shares = [float(pulse_share(f.value)) for f in forces]
     if not shares or max(shares) > PULSE:
         return {"window": Guessed(value=UNKNOWN, comment='to be filled in: "hann" or "boxcar"')}
-    guessed = {
-        "window": Guessed(value="boxcar", comment="guessed: the force is a short pulse, as of a hammer")
-    }
+    guessed = {"window": Guessed(value="boxcar", comment="guessed: the force is a short pulse, as of a hammer")}
     hits = [_hits(f.value) for f in forces]
     if min(map(len, hits)) < fewest_hits:
         return guessed
     step = float(np.diff(forces[0].abscissa).mean())
     between = min(float(np.diff(of_record).min()) for of_record in hits) * step
     block = float(f"{0.9 * between:.1e}")
-    said = (
-        f"guessed: hits are {between:.3g} s apart or more; shorten it where responses have died away before"
-    )
+    said = f"guessed: hits are {between:.3g} s apart or more; shorten it where responses have died away before"
     guessed["block_s"] = Guessed(value=block, comment=said)
     guessed["before_hit_s"] = Guessed(value=float(f"{0.02 * block:.1e}"), comment="guessed")
     return guessed
@@ -288,6 +263,5 @@ def _is_motion(unit: Unit) -> bool:
 def in_order(sets: list[Set]) -> bool:
     """Whether the files of every place come in the natural order of their names, as wildcards give them."""
     return all(
-        list(column) == sorted(column, key=natural)
-        for column in zip(*([c.file for c in s] for s in sets), strict=True)
+        list(column) == sorted(column, key=natural) for column in zip(*([c.file for c in s] for s in sets), strict=True)
     )

@@ -69,13 +69,7 @@ def draft_modes(folder: Path) -> ModesDraft | None:
         return None  # other tables, which may hold functions
     files: dict[str, tuple[Path, ...]] = {_name(folder, f): (f,) for f in whole}
     files |= {_name(folder, f): (f, *_beside(f, modes, shapes)) for f in modes}
-    beside = Draft(
-        folder=folder,
-        points=listed,
-        stack=model_file(folder),
-        configurations={},
-        left_out=(),
-    )
+    beside = Draft(folder=folder, points=listed, stack=model_file(folder), configurations={}, left_out=())
     return ModesDraft(found=beside, files=files)
 
 
@@ -85,18 +79,10 @@ def modes_draft_file(drafted: ModesDraft) -> DraftFile:
     lines = ["[campaign]", f"name = {as_toml(points.folder.resolve().name)}", "", "[structure]"]
     if points.stack is None:
         missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
-        lines.append(
-            '# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file'
-        )
+        lines.append('# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file')
     else:
         lines.append(f"stack = {as_toml(points.stack.name)}")
-    lines += [
-        "",
-        "[points]",
-        *_points_lines(points, missing),
-        "",
-        "[modes]  # how sure the modes are, relative",
-    ]
+    lines += ["", "[points]", *_points_lines(points, missing), "", "[modes]  # how sure the modes are, relative"]
     lines += [
         "# frequency_std = 0.001  # to be filled in where the files do not state it; these are usual values",
         "# damping_std = 0.1",
@@ -115,20 +101,14 @@ def modes_draft_file(drafted: ModesDraft) -> DraftFile:
             "# pressure_kPa =         # the mean pressure between the sheets",
         ]
     listed = ", ".join(drafted.files)
-    missing.append(
-        f"input of {listed}: the point and direction of the force, such as 12+z, which diagnose needs"
-    )
-    missing.append(
-        f"torque_Nm or pressure_kPa of {listed}: the state of the stack, which fit and diagnose need"
-    )
+    missing.append(f"input of {listed}: the point and direction of the force, such as 12+z, which diagnose needs")
+    missing.append(f"torque_Nm or pressure_kPa of {listed}: the state of the stack, which fit and diagnose need")
     return DraftFile(text="\n".join(lines) + "\n", missing=tuple(missing))
 
 
 def _points_lines(drafted: Draft, missing: list[str]) -> Iterator[str]:
     if drafted.points is None:
-        missing.append(
-            "points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit"
-        )
+        missing.append("points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit")
         yield '# file = "points.csv"    # to be filled in: columns node,x,y,z, the origin in the centre of the stack'
         yield '# unit = "mm"            # to be filled in: unit of these coordinates'
         return
@@ -146,6 +126,4 @@ def _beside(table: Path, modes: list[Path], shapes: list[Path]) -> tuple[Path, .
 def _name(folder: Path, file: Path) -> str:
     """Name a configuration by its file, or by its folder where the file's name says nothing but that it holds modes."""
     inside = file.relative_to(folder).with_suffix("").parts
-    return "_".join(
-        inside[:-1] if len(inside) > 1 and inside[-1].casefold() in ("modes", "shapes") else inside
-    )
+    return "_".join(inside[:-1] if len(inside) > 1 and inside[-1].casefold() in ("modes", "shapes") else inside)

@@ -61,14 +61,9 @@ class Averaging(BaseModel):
     @model_validator(mode="after")
     def _consistent(self) -> Averaging:
         if self.before_hit_s is not None and (
-            self.block_s is None
-            or self.block_s <= self.before_hit_s
-            or self.window != "boxcar"
-            or self.overlap > 0
+            self.block_s is None or self.block_s <= self.before_hit_s or self.window != "boxcar" or self.overlap > 0
         ):
-            raise ValueError(
-                "before_hit_s, of hits, needs a longer 'block_s', window = 'boxcar' and no overlap"
-            )
+            raise ValueError("before_hit_s, of hits, needs a longer 'block_s', window = 'boxcar' and no overlap")
         if self.before_hit_s is not None and isinstance(self.force, tuple) and len(self.force) > 1:
             raise ValueError("before_hit_s is for one force: a hammer hits one point at a time")
         for key in ("force_unit", "response_unit"):
@@ -78,9 +73,7 @@ class Averaging(BaseModel):
             except MeasurementError as error:
                 raise ValueError(str(error)) from error
             if unit is not None and not (unit.is_force if key == "force_unit" else unit.motion is not None):
-                raise ValueError(
-                    f"{key}: {label!r} is not a unit of {'force' if key == 'force_unit' else 'motion'}"
-                )
+                raise ValueError(f"{key}: {label!r} is not a unit of {'force' if key == 'force_unit' else 'motion'}")
         if self.block_s is not None and self.force_s is not None:
             raise ValueError(
                 "force_s is of records that are one block each; it would end the force of all later blocks"
@@ -177,9 +170,7 @@ def block_of(n_sample: int, rate: float, averaging: Averaging) -> tuple[int, int
     """
     n_block = n_sample if averaging.block_s is None else round(averaging.block_s * rate)
     if not 2 <= n_block <= n_sample:
-        raise MeasurementError(
-            f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}"
-        )
+        raise MeasurementError(f"block_s = {averaging.block_s} s is {n_block} samples, but the records hold {n_sample}")
     decay_rate = -np.log(averaging.response_end) * rate / n_block
     return n_block, int(averaging.overlap * n_block), float(decay_rate)
 
@@ -440,9 +431,7 @@ def estimate_frf_matrix(
     )
 
 
-def _averages(
-    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
-) -> int:
+def _averages(force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging) -> int:
     """Return the number of blocks; refuse what does not tell the parts of the forces."""
     n_force = force.shape[0]
     n_block, n_overlap, _ = block_of(force.shape[-1], rate, averaging)
@@ -490,9 +479,7 @@ def _require_independent(g_ff: NDArray[np.complex128], *, least_independent: flo
     auto = np.einsum("faa->fa", g_ff).real[1:-1]
     for k in range(auto.shape[1]):
         if not np.all(auto[:, k] > 0.0):
-            raise MeasurementError(
-                f"force {k + 1} of {auto.shape[1]} is zero or not a number; no FRF can be estimated"
-            )
+            raise MeasurementError(f"force {k + 1} of {auto.shape[1]} is zero or not a number; no FRF can be estimated")
     value = np.linalg.eigvalsh(g_ff[1:-1] / np.sqrt(auto[:, :, None] * auto[:, None, :]))
     if np.median(value[:, 0]) < least_independent:
         raise MeasurementError(

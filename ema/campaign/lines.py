@@ -33,9 +33,7 @@ MOST_LOST = 0.01
 Entry = TypeVar("Entry", bound=Any)
 
 
-def with_finite_lines(
-    entries: Sequence[Entry], band: tuple[float, float] | None, notes: list[str]
-) -> list[Entry]:
+def with_finite_lines(entries: Sequence[Entry], band: tuple[float, float] | None, notes: list[str]) -> list[Entry]:
     """Return functions on common lines with numbers at all of them, as far as that is sound.
 
     Lines before the first and after the last at which all functions have numbers are cut off, such as the one at 0 Hz
@@ -104,9 +102,7 @@ def _bridged(
     line, known = np.arange(value.size), np.flatnonzero(finite)
     if known.size < 2 or finite.all():
         return value
-    gap = (
-        np.diff(np.r_[-1, known, value.size]) - 1
-    )  # lines lost before each line that is known, and after the last
+    gap = np.diff(np.r_[-1, known, value.size]) - 1  # lines lost before each line that is known, and after the last
     longest = gap[np.searchsorted(known, line, side="left")]
     bridged = ~finite & ((longest <= longest_gap) | ~inside)
     if np.count_nonzero(bridged & inside) > max(MOST_LOST * np.count_nonzero(inside), 1.0):

@@ -122,9 +122,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
         functions, n_run = _entries(campaign, files, n_run, records, notes)
         entries += functions
     if not entries:
-        raise MeasurementError(
-            f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF"
-        )
+        raise MeasurementError(f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF")
     entries = _as_one_run(configuration, entries, notes)
     _require_not_negative(entries)
     entries = _with_axis(entries, notes)
@@ -135,9 +133,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
     frf, overload = _block(pairs, outputs, inputs, notes)
     absent = sorted({int(n) for n in frf.output.node} - {int(n) for n in campaign.geometry.node})
     if campaign.points is None:
-        notes.append(
-            "no list of points (file under [points]): shapes are not drawn, nor compared with a model"
-        )
+        notes.append("no list of points (file under [points]): shapes are not drawn, nor compared with a model")
     elif absent:
         notes.append(f"points without coordinates, measured but not drawn: {absent}")
     return Measurement(
@@ -240,9 +236,7 @@ def _with_dofs(entries: list[_Found], notes: list[str]) -> list[_Found]:
     return [one for one, good in zip(entries, stated, strict=True) if good]
 
 
-def _listed(
-    campaign: Campaign, key: str, files: Files, dofs: tuple[Dof, ...], count: int
-) -> Sequence[Dof | None]:
+def _listed(campaign: Campaign, key: str, files: Files, dofs: tuple[Dof, ...], count: int) -> Sequence[Dof | None]:
     if not dofs:
         return [None] * count
     if len(dofs) not in (1, count):
@@ -388,9 +382,7 @@ def _one_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
     """Bring all functions onto the lines that they share."""
     axes = Counter((e.frequency.size, float(e.frequency[0]), float(e.frequency[-1])) for e in entries)
     reference = next(
-        e.frequency
-        for e in entries
-        if (e.frequency.size, e.frequency[0], e.frequency[-1]) == axes.most_common(1)[0][0]
+        e.frequency for e in entries if (e.frequency.size, e.frequency[0], e.frequency[-1]) == axes.most_common(1)[0][0]
     )
     if all(e.frequency.shape == reference.shape and np.allclose(e.frequency, reference) for e in entries):
         return [replace(e, frequency=reference) for e in entries]
@@ -398,9 +390,7 @@ def _one_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
     fitting, lower, upper = [], reference[0], reference[-1]
     for entry in entries:
         offset = np.interp(entry.frequency, reference, np.arange(reference.size))
-        inside = (entry.frequency >= reference[0] - 0.1 * step) & (
-            entry.frequency <= reference[-1] + 0.1 * step
-        )
+        inside = (entry.frequency >= reference[0] - 0.1 * step) & (entry.frequency <= reference[-1] + 0.1 * step)
         offset = offset[inside]
         on_lines = offset.size > 1 and np.abs(offset - np.round(offset)).max() < 0.1
         if on_lines and np.all(np.diff(np.round(offset)) == 1) and offset.size >= reference.size // 2:
@@ -414,9 +404,7 @@ def _one_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
             )
     common = reference[(reference >= lower - 0.1 * step) & (reference <= upper + 0.1 * step)]
     if common.size < 2:
-        raise MeasurementError(
-            f"{fitting[0].source} and the other functions share fewer than two frequency lines"
-        )
+        raise MeasurementError(f"{fitting[0].source} and the other functions share fewer than two frequency lines")
     if common.size < reference.size:
         notes.append(f"all functions are cropped to their common lines, {common[0]:g} to {common[-1]:g} Hz")
     cropped = []

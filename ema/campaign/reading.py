@@ -66,9 +66,7 @@ def frfs_from_records(
     records = [channels for channels, _ in sorted_channels]
     n_force = sorted_channels[0][1]
     if any(forces != n_force for _, forces in sorted_channels):
-        raise MeasurementError(
-            f"{contents[0][0]} and the files averaged with it hold different numbers of forces"
-        )
+        raise MeasurementError(f"{contents[0][0]} and the files averaged with it hold different numbers of forces")
     counts = {len(channels) for channels in records}
     if len(counts) > 1:
         raise MeasurementError(
@@ -107,9 +105,7 @@ def _one_by_one(matrix: FRFMatrixEstimate) -> FRFEstimate:
     )
 
 
-def _note_forces(
-    file: Path, channels: list[MeasuredFunction], matrix: FRFMatrixEstimate, notes: list[str]
-) -> None:
+def _note_forces(file: Path, channels: list[MeasuredFunction], matrix: FRFMatrixEstimate, notes: list[str]) -> None:
     """Note how much of each response the forces explain together, and how independent the forces are."""
     # Share of a force that is in the others from which on it is reported: the variance of its functions is doubled.
     most_shared = 0.5
@@ -157,9 +153,7 @@ def _functions(
             coherence = replace(frf, kind="coherence", value=estimate.coherence[k], quantity=None)
         overload = float(clipped[:, [*range(n_force), channel]].max())
         if overload > 0 and force is records[0][0]:
-            notes.append(
-                f"{response.source}: {100 * overload:.2g} % of its samples or its force's are clipped"
-            )
+            notes.append(f"{response.source}: {100 * overload:.2g} % of its samples or its force's are clipped")
         functions.append((frf, coherence, overload, estimate.decay_rate))
     return functions
 
@@ -243,9 +237,7 @@ def _single_hits(
 _ARRAYS = ("mat", "hdf5", "numpy", "tdms")
 
 
-def frfs_of(
-    campaign: Campaign, file: Path, notes: list[str]
-) -> list[tuple[MeasuredFunction, MeasuredFunction | None]]:
+def frfs_of(campaign: Campaign, file: Path, notes: list[str]) -> list[tuple[MeasuredFunction, MeasuredFunction | None]]:
     """Return the FRFs of a file, each with the coherence of its DOFs or, unstated, of its place.
 
     Raises
@@ -347,9 +339,7 @@ def _plain(campaign: Campaign, file: Path, notes: list[str]) -> Channels:
     if format_of(file, campaign.format) == "numpy":
         return read_data_arrays(file, campaign.unit)
     if campaign.table is None:
-        raise CampaignError(
-            f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]"
-        )
+        raise CampaignError(f"{campaign.path}: measurement: text file {file.name} needs a [measurement.table]")
     return read_table(file, campaign.table, campaign.unit)
 
 
@@ -391,9 +381,7 @@ def _coherences(
     if not coherences:
         return [None] * len(frfs)
     if len({f.abscissa.size for f in (*frfs, *coherences)}) > 1:
-        notes.append(
-            f"{file}: coherences and FRFs have different numbers of lines; the coherences are left out"
-        )
+        notes.append(f"{file}: coherences and FRFs have different numbers of lines; the coherences are left out")
         return [None] * len(frfs)
     if all(f.output is None or f.input is None for f in coherences):
         if len(coherences) == len(frfs):

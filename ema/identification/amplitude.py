@@ -60,12 +60,7 @@ class Level:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-@arrays(
-    {
-        "level": "force",
-        "level column": "frequency frequency_std damping damping_std motion rms_motion mac mode",
-    }
-)
+@arrays({"level": "force", "level column": "frequency frequency_std damping damping_std motion rms_motion mac mode"})
 class AmplitudeDependence:
     """Modes of one state of a structure over their amplitude, one row a force level, one column a mode.
 
@@ -183,19 +178,14 @@ def amplitude_dependence(name: str, levels: Sequence[Level]) -> AmplitudeDepende
         for r, f in enumerate(level.modal_model.frequency):
             mode[k, tracked.frequency[k] == f] = r
     place, point = _reference([level.modal_model for level in ordered])
-    motion = [
-        level.force * modes.response[o, i]
-        for level, modes, (o, i) in zip(ordered, of_level, place, strict=True)
-    ]
+    motion = [level.force * modes.response[o, i] for level, modes, (o, i) in zip(ordered, of_level, place, strict=True)]
     rms = [
         level.force * np.sqrt(np.mean(modes.response[:, i] ** 2, axis=0))
         for level, modes, (_, i) in zip(ordered, of_level, place, strict=True)
     ]
 
     def table(values: Sequence[Vector]) -> Vector:
-        return np.array(
-            [np.where(modes >= 0, value[modes], np.nan) for modes, value in zip(mode, values, strict=True)]
-        )
+        return np.array([np.where(modes >= 0, value[modes], np.nan) for modes, value in zip(mode, values, strict=True)])
 
     return AmplitudeDependence(
         name=name,
@@ -324,16 +314,12 @@ def resonances(frf: FRF, modal_model: ModalModel) -> Resonances:
         What was identified: its poles say where to look, and its residues filter. Modes of which a bandwidth holds too
         few lines stay as they are there.
     """
-    lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1]).convert(
-        "receptance"
-    )
+    lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1]).convert("receptance")
     # residual terms stay in: beside leaning resonances a fit bends them, and the filter passes little of them
     beside = replace(modal_model, lower=0.0 * modal_model.lower, upper=0.0 * modal_model.upper)
     rest = lines.value - synthesize(beside, lines.frequency, "receptance")
     power = (2.0 * np.pi * lines.frequency) ** DERIVATIVE[modal_model.quantity]
-    modes = [
-        _resonance(lines.frequency, rest, modal_model, r, power) for r in range(modal_model.frequency.size)
-    ]
+    modes = [_resonance(lines.frequency, rest, modal_model, r, power) for r in range(modal_model.frequency.size)]
     table = np.array([row for row, _ in modes]).reshape(-1, 4)
     return Resonances(
         frequency=table[:, 0],
@@ -495,11 +481,7 @@ def ring_down(
     signal = _analytic(filtered, rate, np.asarray(frequency, dtype=float), mode)
     size = int(np.ceil(_CYCLES / frequency[mode] * rate))
     step, edge = max(int(size * (1.0 - overlap)), 1), int(left_out * size)
-    noise = (
-        float(np.sqrt(np.mean(np.abs(signal[-edge - size : -edge]) ** 2)))
-        if signal.size > 2 * edge + size
-        else 0.0
-    )
+    noise = float(np.sqrt(np.mean(np.abs(signal[-edge - size : -edge]) ** 2))) if signal.size > 2 * edge + size else 0.0
     starts = range(edge, signal.size - edge - size, step)
     fits = [_exponential(signal[i : i + size], rate) for i in starts]
     largest = max((fit[0] for fit in fits), default=0.0)

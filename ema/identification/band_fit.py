@@ -116,9 +116,7 @@ class _Sums:
     whole: NDArray[np.float64]  # the same with the pole itself
 
 
-def _around_pole(
-    data: Functions, fit: Fit, r: int, lines: slice, width: float, *, at_once: int = 1 << 19
-) -> _Sums:
+def _around_pole(data: Functions, fit: Fit, r: int, lines: slice, width: float, *, at_once: int = 1 << 19) -> _Sums:
     """Add up the functions, some at a time: all at once would take several times their memory.
 
     `at_once`: values of functions that are transformed at once.
@@ -147,9 +145,7 @@ def _power(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
     return power
 
 
-def _line_statistic(
-    scaled: NDArray[np.complex128], half: float, *, narrowest: float = 0.25
-) -> NDArray[np.float64]:
+def _line_statistic(scaled: NDArray[np.complex128], half: float, *, narrowest: float = 0.25) -> NDArray[np.float64]:
     """Twice the gain of likelihood by a resonance line of a half bandwidth (lines) at every line, ``(n_line,)``.
 
     `narrowest`: half bandwidth of a matched line, lines.
@@ -269,9 +265,7 @@ class BandFit:
     n_background: int = 0
 
 
-def fit_band(
-    frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]
-) -> BandFit:
+def fit_band(frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]) -> BandFit:
     """Find and fit the modes of a band, or fit poles that were chosen by hand.
 
     Parameters
@@ -304,9 +298,7 @@ def fit_band(
     return _joined(frf, parts, ends, fits, weights)
 
 
-def _fit_at_once(
-    frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]
-) -> BandFit:
+def _fit_at_once(frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]) -> BandFit:
     data = _functions(frf)
     if chosen is not None:
         fit, runs, left = fit_chosen(data, chosen, band)
@@ -327,13 +319,7 @@ def _fit_at_once(
 
 
 def _amid_overlap(
-    frf: FRF,
-    order: int,
-    first: BandFit,
-    band: tuple[float, float],
-    *,
-    overlap: float = 0.3,
-    little: float = 1e-3,
+    frf: FRF, order: int, first: BandFit, band: tuple[float, float], *, overlap: float = 0.3, little: float = 1e-3
 ) -> BandFit:
     """Find the modes again amid others that overlap too much to be separated, where a fit without these fails.
 
@@ -366,11 +352,7 @@ def _amid_overlap(
     )
     n_background = int(np.count_nonzero(~is_mode))
     return BandFit(
-        value=frf.value,
-        fit=joint,
-        runs=runs.beside(joint, n_background),
-        left=left,
-        n_background=n_background,
+        value=frf.value, fit=joint, runs=runs.beside(joint, n_background), left=left, n_background=n_background
     )
 
 
@@ -414,9 +396,7 @@ def _without_common(frf: FRF, given: BandFit) -> BandFit:
         covariance = result.fit.pole_covariance[np.ix_(pairs, pairs)]
         fit = linear_fit(data.frequency, data.value, result.fit.pole[kept], data.quantity, result.fit.weight)
         runs = {name: getattr(result.runs, name)[..., kept] for name in ("pole", "residue", *_OF_MODES)}
-        result = replace(
-            result, fit=replace(fit, pole_covariance=covariance), runs=replace(result.runs, **runs)
-        )
+        result = replace(result, fit=replace(fit, pole_covariance=covariance), runs=replace(result.runs, **runs))
     return result
 
 
@@ -451,11 +431,7 @@ def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArra
 
 
 def _joined(
-    frf: FRF,
-    parts: tuple[PartBand, ...],
-    ends: list[float],
-    fits: list[BandFit],
-    weights: list[NDArray[np.float64]],
+    frf: FRF, parts: tuple[PartBand, ...], ends: list[float], fits: list[BandFit], weights: list[NDArray[np.float64]]
 ) -> BandFit:
     """Put the modes of the parts together: poles and their scatter as each part gives them, residues of all at once.
 
@@ -463,9 +439,7 @@ def _joined(
     `weights` holds those of each, and is empty afterwards.
     """
     lower, upper = [0.0, *ends[1:-1]], [*ends[1:-1], np.inf]
-    kept = [
-        np.flatnonzero(_between(one.fit.pole, a, b)) for one, a, b in zip(fits, lower, upper, strict=True)
-    ]
+    kept = [np.flatnonzero(_between(one.fit.pole, a, b)) for one, a, b in zip(fits, lower, upper, strict=True)]
     pole = np.concatenate([one.fit.pole[r] for one, r in zip(fits, kept, strict=True)])
     rank = np.lexsort((np.abs(pole), ~resonant(pole, (ends[0], ends[-1]))))
     pairs = (2 * rank[:, None] + np.arange(2)).reshape(-1)

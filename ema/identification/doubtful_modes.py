@@ -16,12 +16,7 @@ from numpy.typing import NDArray
 from ema.identification.evidence import MIN_COLLINEARITY, MIN_REALNESS, is_split, judge
 from ema.identification.functions import MAX_DAMPING, Functions, resonant
 from ema.identification.maximum_likelihood import linear_fit
-from ema.identification.mode_columns import (
-    mode_basis,
-    residual_basis,
-    split_coefficients,
-    stack_functions,
-)
+from ema.identification.mode_columns import mode_basis, residual_basis, split_coefficients, stack_functions
 from ema.identification.run_poles import RUNS_DIFFER, run_poles
 from ema.identification.stabilization import StabilizationDiagram
 from ema.quality.peaks import peaks
@@ -56,9 +51,7 @@ def check_modes(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
     checks = (_background, _overlap, _damping)
     findings = (*(say(modal_model) for say in checks), _broad(frf, modal_model), *_phases(modal_model))
     return tuple(
-        Verdict(check=check, level="warn", channel=(), band=None, message=text)
-        for check, text in findings
-        if text
+        Verdict(check=check, level="warn", channel=(), band=None, message=text) for check, text in findings if text
     )
 
 
@@ -84,12 +77,8 @@ def _overlap(modal_model: ModalModel) -> tuple[str, str]:
 
 def _damping(modal_model: ModalModel) -> tuple[str, str]:
     columns = modal_model.frequency, modal_model.damping, modal_model.damping_std
-    listed = [
-        f"{f:.5g} Hz ({100 * x:.2g} ± {100 * s:.2g} %)" for f, x, s in zip(*columns, strict=True) if s >= x
-    ]
-    text = (
-        f"the data do not determine the damping at {listing(listed)}: where no peak is seen, this is no mode"
-    )
+    listed = [f"{f:.5g} Hz ({100 * x:.2g} ± {100 * s:.2g} %)" for f, x, s in zip(*columns, strict=True) if s >= x]
+    text = f"the data do not determine the damping at {listing(listed)}: where no peak is seen, this is no mode"
     return "damping", text if listed else ""
 
 
@@ -141,9 +130,7 @@ def _phases(modal_model: ModalModel) -> Iterator[tuple[str, str]]:
         )
 
 
-def _of_constants(
-    constant: NDArray[np.complex128], spread: NDArray[np.float64]
-) -> tuple[float, float, float]:
+def _of_constants(constant: NDArray[np.complex128], spread: NDArray[np.float64]) -> tuple[float, float, float]:
     """Return collinearity and realness, 1 where noise may bring what is lacking, and the angle to the real axis."""
     power, noise = float(np.sum(np.abs(constant) ** 2)), 2.0 * float(np.sum(spread**2))
     if noise > NOISE * power:
@@ -288,9 +275,7 @@ def stability(diagram: StabilizationDiagram, frf: FRF) -> Stability:
     return Stability(frequency=stable[0], damping=stable[1], shape=stable[2])
 
 
-def dropped_columns(
-    diagram: StabilizationDiagram, frf: FRF, modal_model: ModalModel
-) -> tuple[DroppedColumn, ...]:
+def dropped_columns(diagram: StabilizationDiagram, frf: FRF, modal_model: ModalModel) -> tuple[DroppedColumn, ...]:
     """Say of each column of a chart that is no identified mode why it is none, ascending in frequency.
 
     Parameters
@@ -319,9 +304,7 @@ def dropped_columns(
         if distance[near] >= near_enough * -poles[near].real:
             reason = _reason(data, poles, pole)
         elif rival != pole:
-            reason = (
-                f"the mode of the column at {frequency_text(np.abs(rival) / (2.0 * np.pi), 1)} Hz once more"
-            )
+            reason = f"the mode of the column at {frequency_text(np.abs(rival) / (2.0 * np.pi), 1)} Hz once more"
         elif near >= modal_model.pole.size:
             reason = "it lies at the end of the band; its flank was taken into account"
         else:
@@ -334,9 +317,7 @@ def _shapes(
     frequency: NDArray[np.float64], value: NDArray[np.complex128], pole: NDArray[np.complex128], frf: FRF
 ) -> NDArray[np.complex128]:
     """Return residues (n_output, n_pole) of functions (n_output, n_frequency) at given poles."""
-    basis = np.concatenate(
-        [mode_basis(frequency, pole, frf.quantity), residual_basis(frequency, frf.quantity)], axis=1
-    )
+    basis = np.concatenate([mode_basis(frequency, pole, frf.quantity), residual_basis(frequency, frf.quantity)], axis=1)
     basis /= (scale := np.linalg.norm(basis, axis=0))
     solution = scipy.linalg.lstsq(basis, stack_functions(value), lapack_driver="gelsy", check_finite=False)[0]
     return split_coefficients(solution / scale[:, None])[0]

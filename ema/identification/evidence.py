@@ -192,9 +192,7 @@ def is_split(fit: Fit, mode: int, others: Sequence[int] | None = None, *, alike:
     return False
 
 
-def is_confined(
-    fit: Fit, run: NDArray[np.int64], *, share: float = 0.8, distance: float = 0.02
-) -> NDArray[np.bool_]:
+def is_confined(fit: Fit, run: NDArray[np.int64], *, share: float = 0.8, distance: float = 0.02) -> NDArray[np.bool_]:
     """Whether each pole, ``(n_mode,)``, is a neighbour's image in a single roving run whose poles are shifted.
 
     Such a pole lies near another one, within a relative distance, and has most of its residues, in units of the noise,
@@ -280,9 +278,7 @@ def likeliest_poles(
             amplitude = scaled @ at.conj() / energy[k]
             rest = scaled[:, window] - amplitude[:, None] * at[window]
             inflated = statistic[k] / inflation(rest)
-            if (
-                inflated > threshold and _collinear(amplitude) > 0.8 * MIN_COLLINEARITY
-            ):  # noise blurs the phases
+            if inflated > threshold and _collinear(amplitude) > 0.8 * MIN_COLLINEARITY:  # noise blurs the phases
                 likeliest.append((inflated, complex(pole[k])))
                 break
             reach = int(np.ceil(2.0 * width))
@@ -291,9 +287,7 @@ def likeliest_poles(
     return np.array([pole for _, pole in likeliest], dtype=complex)
 
 
-def _correlated(
-    value: NDArray[np.complex128], lines: Sequence[NDArray[np.complex128]]
-) -> NDArray[np.float64]:
+def _correlated(value: NDArray[np.complex128], lines: Sequence[NDArray[np.complex128]]) -> NDArray[np.float64]:
     """Return the power of the correlation of functions with some lines, all functions, ``(n_line, n_frequency)``.
 
     Lines, ``(size,)`` each, are by their offset from the centre, wrapped; `size` is at least twice the number of
@@ -509,14 +503,11 @@ def objections(
     correlated = threshold * inflation(extended.whitened())
     if gain < correlated:
         brought = f"the {0.5 * correlated:.3g} that noise may bring"
-        yield Refusal(
-            f"the likelihood rises by {0.5 * gain:.3g} of {brought}", LEAST_ALONE if far else np.inf
-        )
+        yield Refusal(f"the likelihood rises by {0.5 * gain:.3g} of {brought}", LEAST_ALONE if far else np.inf)
     if verdicts.statistic[-1] < verdicts.threshold:
         # Where both the summed power and the likelihood stand out of the noise, each function need not.
         yield Refusal(
-            "its residues do not stand out of the noise",
-            LEAST_ALONE if far else least_listed(peak, LEAST_SHARE),
+            "its residues do not stand out of the noise", LEAST_ALONE if far else least_listed(peak, LEAST_SHARE)
         )
     if apart[-1] > spacing * max(2.0 * peak.half_width, 1.0):
         yield Refusal("no pole of the fit comes to rest there")
@@ -572,9 +563,7 @@ def least_listed(peak: Peak, share: float) -> float:
 
 def _alike_on_flanks(around: Surroundings, extended: Fit) -> bool:
     """Whether points move alike in the last pole where lines weigh by the misfit, as the flanks of a peak then do."""
-    lines = (
-        around.target
-    )  # a record that ends before its resonance spoils the phases of the peak's own lines alone
+    lines = around.target  # a record that ends before its resonance spoils the phases of the peak's own lines alone
     judged = judge(lines.frequency, lines.weigh_by_misfit(extended), lines.quantity)
     return bool(judged.collinearity[-1] >= IN_PHASE)
 

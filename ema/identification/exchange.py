@@ -62,19 +62,13 @@ def write_modes_uff(path: Path, modal_model: ModalModel, step: float) -> None:
     MeasurementError
         A direction is not along an axis of its point, so that the format cannot hold it.
     """
-    write_uff(
-        path, modal_model.geometry, synthesized_frf(modal_model, step, modal_model.quantity), modal_model
-    )
+    write_uff(path, modal_model.geometry, synthesized_frf(modal_model, step, modal_model.quantity), modal_model)
 
 
 def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
     """Write a row for each mode: frequency, damping, their standard deviations, scale, and how complex its shape is."""
     rows = zip(
-        modal_model.frequency,
-        modal_model.frequency_std,
-        modal_model.damping,
-        modal_model.damping_std,
-        strict=True,
+        modal_model.frequency, modal_model.frequency_std, modal_model.damping, modal_model.damping_std, strict=True
     )
     header = (
         "mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std", "mass_normalised", "MPC", "MPD_deg",
@@ -82,9 +76,7 @@ def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
     )  # fmt: skip
     scaled = ["yes" if s else "no" for s in modal_model.scaled]
     complexities = complexity(modal_model)
-    measures = zip(
-        complexities.mpc, complexities.mpd, complexities.mcf, complexities.phase_scatter, strict=True
-    )
+    measures = zip(complexities.mpc, complexities.mpd, complexities.mcf, complexities.phase_scatter, strict=True)
     words = ["yes" if c else "no" for c in complexities.is_complex]
     table = [
         (r + 1, *map(repr, map(float, row)), scaled[r], *(f"{value:.6g}" for value in measure), words[r])
@@ -104,9 +96,7 @@ def write_shapes_csv(path: Path, modal_model: ModalModel) -> None:
             *map(float, direction),
             *(part for value in shape for part in (float(value.real), float(value.imag))),
         )
-        for node, direction, shape in zip(
-            modal_model.node, modal_model.direction, modal_model.shape, strict=True
-        )
+        for node, direction, shape in zip(modal_model.node, modal_model.direction, modal_model.shape, strict=True)
     ]
     _write_rows(path, header, rows)
 
@@ -162,9 +152,7 @@ def read_poles(path: Path) -> NDArray[np.complex128]:
             )
         poles.append(2.0 * np.pi * frequency * complex(-damping, np.sqrt(1.0 - damping**2)))
     if not poles:
-        raise IdentificationError(
-            f"{path}: holds no pole; give one a line, as frequency in Hz and damping ratio"
-        )
+        raise IdentificationError(f"{path}: holds no pole; give one a line, as frequency in Hz and damping ratio")
     return np.array(sorted(poles, key=abs))
 
 
@@ -285,9 +273,7 @@ def _identified(
     model: Any, name: str, n_output: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
     """Return frequencies, damping ratios and modal constants (n_output, n_mode); refuse what is not complete."""
-    missing = [
-        attribute for attribute in ("nat_freq", "nat_xi", "A") if getattr(model, attribute, None) is None
-    ]
+    missing = [attribute for attribute in ("nat_freq", "nat_xi", "A") if getattr(model, attribute, None) is None]
     if missing:
         raise IdentificationError(
             f"{name}: the sdypy-EMA model has no {', '.join(missing)}; call get_poles(), select_closest_poles(...) and "
@@ -314,9 +300,7 @@ def _poles(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     rows = getattr(model, "pole_ind", None)
     if rows is None or getattr(model, "all_poles", None) is None:
-        return np.atleast_1d(np.asarray(model.nat_freq, float)), np.atleast_1d(
-            np.asarray(model.nat_xi, float)
-        )
+        return np.atleast_1d(np.asarray(model.nat_freq, float)), np.atleast_1d(np.asarray(model.nat_xi, float))
     pole = np.array([model.all_poles[int(i)][int(j)] for i, j in np.atleast_2d(rows)], complex)
     return np.abs(pole) / (2.0 * np.pi), -pole.real / np.abs(pole)
 
@@ -324,6 +308,4 @@ def _poles(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def _residual(model: Any, name: str, n_output: int) -> NDArray[np.complex128]:
     """Return a residual term of every function, (n_output, 1); zero where the model has none."""
     term = getattr(model, name, None)
-    return (
-        np.zeros((n_output, 1), complex) if term is None else np.asarray(term, complex).reshape(n_output, 1)
-    )
+    return np.zeros((n_output, 1), complex) if term is None else np.asarray(term, complex).reshape(n_output, 1)

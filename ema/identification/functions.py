@@ -45,9 +45,7 @@ class PartBand:
         return values[..., self.core.start - self.lines.start : self.core.stop - self.lines.start]
 
 
-def part_bands(
-    value: NDArray[np.complex128], *, part_lines: int = 8192, smooth: int = 9
-) -> tuple[PartBand, ...]:
+def part_bands(value: NDArray[np.complex128], *, part_lines: int = 8192, smooth: int = 9) -> tuple[PartBand, ...]:
     """Cut a band where its functions are quiet; one that has few lines stays whole.
 
     Parameters
@@ -64,9 +62,7 @@ def part_bands(
     if n_line <= MOST_LINES:
         return (PartBand(core=slice(0, n_line), lines=slice(0, n_line)),)
     power = np.zeros(n_line)
-    for one in value.reshape(
-        -1, n_line
-    ):  # all squares at once would take half of the memory of the functions
+    for one in value.reshape(-1, n_line):  # all squares at once would take half of the memory of the functions
         square = np.abs(one) ** 2
         power += square / (square.mean() or 1.0)
     power = scipy.ndimage.uniform_filter1d(power, smooth)
@@ -81,11 +77,7 @@ def part_bands(
 
 
 def coherence_weight(
-    value: NDArray[np.complex128],
-    coherence: NDArray[np.float64],
-    *,
-    smoothing: int = 5,
-    largest_ratio: float = 1e4,
+    value: NDArray[np.complex128], coherence: NDArray[np.float64], *, smoothing: int = 5, largest_ratio: float = 1e4
 ) -> NDArray[np.float64]:
     """Return inverse variances of functions, line by line, relative to one another.
 
@@ -236,9 +228,7 @@ def resonant(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray
     return inside(pole, band) & (-pole.real <= MAX_DAMPING * np.abs(pole))
 
 
-def response(
-    data: Functions, pole: NDArray[np.complex128], residue: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def response(data: Functions, pole: NDArray[np.complex128], residue: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Return what modes, (n_mode,) poles and (n_function, n_mode) residues, add to functions over their lines."""
     coefficient = np.stack([residue.real.T, residue.imag.T], axis=1).reshape(-1, residue.shape[0])
     parts = mode_basis(data.frequency, pole, data.quantity) @ coefficient

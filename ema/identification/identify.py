@@ -79,9 +79,7 @@ class Failure:
     error: EmaError
 
 
-def identify(
-    campaign: Campaign, poles: Mapping[str, NDArray[np.complex128]] | None = None
-) -> Iterator[Identification]:
+def identify(campaign: Campaign, poles: Mapping[str, NDArray[np.complex128]] | None = None) -> Iterator[Identification]:
     """Read, check and identify every configuration of a campaign, one after the other.
 
     One that cannot be used does not end the others: its error is raised after the last of them.
@@ -116,9 +114,7 @@ def identify(
         raise type(failures[0].error)("\n".join(f"{failure.name}: {failure.error}" for failure in failures))
 
 
-def try_identify(
-    campaign: Campaign, name: str, pole: NDArray[np.complex128] | None = None
-) -> Identification | Failure:
+def try_identify(campaign: Campaign, name: str, pole: NDArray[np.complex128] | None = None) -> Identification | Failure:
     """Read, check and identify one configuration, or say why that is not possible.
 
     Parameters
@@ -247,12 +243,7 @@ def _require_lines(
 
 
 def _require_modes(
-    fit: Fit,
-    white: FRF,
-    order: int,
-    chosen: NDArray[np.complex128] | None,
-    band: tuple[float, float],
-    name: str,
+    fit: Fit, white: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float], name: str
 ) -> None:
     """Refuse a band without any mode."""
     if resonant(fit.pole, band).any():
@@ -315,9 +306,7 @@ def _without_sensors(modal_model: ModalModel, stated: float) -> tuple[str, ...]:
         )
     mass = f"{1e3 * modal_model.sensor_mass:.3g} g each, " if modal_model.sensor_mass > 0.0 else ""
     source = "as stated" if stated > 0.0 else "as the runs tell"
-    listed = ", ".join(
-        f"{100 * share:+.2f} % (mode {r + 1})" for r, share in enumerate(shift) if share != 0.0
-    )
+    listed = ", ".join(f"{100 * share:+.2f} % (mode {r + 1})" for r, share in enumerate(shift) if share != 0.0)
     kept = ", ".join(f"{r + 1}" for r in np.flatnonzero(shift == 0.0))
     rest = f"; not of mode {kept}, whose shift is not known" if kept else ""
     return (
@@ -343,9 +332,7 @@ def _check(frf: FRF, name: str) -> None:
     """Refuse what would spoil a fit in silence."""
     step = np.diff(frf.frequency)
     if step.size == 0 or np.any(np.abs(step - np.median(step)) > 0.01 * np.median(step)):
-        raise MeasurementError(
-            f"{name}: the frequency lines do not ascend in even steps; resample the functions"
-        )
+        raise MeasurementError(f"{name}: the frequency lines do not ascend in even steps; resample the functions")
     finite = np.isfinite(frf.value).all(axis=-1)
     silent = ~np.any(frf.value, axis=-1)
     for bad, what in ((~finite, "holds NaN or infinity"), (silent, "is zero at every line")):
@@ -450,9 +437,7 @@ def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> tuple[NDArray[np.complex128],
     """
     shape = (*frf.value.shape[:2], fit.pole.size)
     ratio = (runs.pole.imag[np.searchsorted(runs.run, frf.run)] / fit.pole.imag)[:, None, :]
-    return np.asarray(runs.residue.reshape(shape) * ratio, dtype=complex), runs.variance.reshape(
-        shape
-    ) * ratio**2
+    return np.asarray(runs.residue.reshape(shape) * ratio, dtype=complex), runs.variance.reshape(shape) * ratio**2
 
 
 def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[np.complex128]:

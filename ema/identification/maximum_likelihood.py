@@ -32,12 +32,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from ema.identification.mode_columns import (
-    mode_basis,
-    mode_derivatives,
-    residual_basis,
-    split_coefficients,
-)
+from ema.identification.mode_columns import mode_basis, mode_derivatives, residual_basis, split_coefficients
 from ema.types.frf import Quantity
 
 TOLERANCE = 1e-3
@@ -92,11 +87,7 @@ class Fit:
         return self.residual[:, lines] * np.sqrt(self.weight[:, lines]) / self.noise[:, None]
 
     def left(
-        self,
-        rows: slice,
-        frequency: NDArray[np.float64],
-        value: NDArray[np.complex128],
-        quantity: Quantity,
+        self, rows: slice, frequency: NDArray[np.float64], value: NDArray[np.complex128], quantity: Quantity
     ) -> NDArray[np.complex128]:
         """Return what the fit leaves of some of its functions, ``(n, n_frequency)``, made anew where it is not held.
 
@@ -167,9 +158,7 @@ class _Target:
             quantity=quantity,
             value=value,
             weight=np.ones((1, 1)) if weight is None or even else weight,
-            fixed=np.concatenate(
-                [mode_basis(frequency, held, quantity).T, residual_basis(frequency, quantity).T]
-            ),
+            fixed=np.concatenate([mode_basis(frequency, held, quantity).T, residual_basis(frequency, quantity).T]),
         )
 
     @property
@@ -419,11 +408,7 @@ def _orthonormal(basis: NDArray[np.float64], *, nearly: float = 10.0) -> _Basis:
 
 def _by_householder(basis: NDArray[np.float64], length: NDArray[np.float64]) -> _Basis:
     orthogonal, triangle = np.linalg.qr((basis / length[:, None]).T)
-    return _Basis(
-        rows=np.ascontiguousarray(orthogonal.T),
-        turn=np.eye(len(basis)),
-        onto=_inverse(triangle.T) / length,
-    )
+    return _Basis(rows=np.ascontiguousarray(orthogonal.T), turn=np.eye(len(basis)), onto=_inverse(triangle.T) / length)
 
 
 def _gram(rows: NDArray[np.float64]) -> NDArray[np.float64]:

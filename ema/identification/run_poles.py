@@ -91,9 +91,7 @@ class RunPoles:
             probability=np.hstack([np.where(alone, self.probability, 1.0), np.tile(ones, (runs, 1))]),
         )
 
-    def growth(
-        self, frequency_std: NDArray[np.float64], damping_std: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def growth(self, frequency_std: NDArray[np.float64], damping_std: NDArray[np.float64]) -> NDArray[np.float64]:
         """Factor by which the scatter between runs enlarges Re and Im of the poles of all runs together.
 
         Returned in turn for each mode, ``(2 n_mode,)``.
@@ -182,9 +180,7 @@ def run_poles(data: Functions, fit: Fit, start: NDArray[np.complex128] | None = 
         pole[k], std[0, k], std[1, k] = _refined_alone(of_run, fit.pole if start is None else start[k])
         alone.append(_linear_fit(of_run, pole[k]))
         residue[data.run == number] = alone[k].residue
-    enlarged = enlargement(
-        tuple(run_noise(data.of_run(n), of_run) for n, of_run in zip(numbers, alone, strict=True))
-    )
+    enlarged = enlargement(tuple(run_noise(data.of_run(n), of_run) for n, of_run in zip(numbers, alone, strict=True)))
     std *= np.sqrt(enlarged.each)
     variance = np.empty(residue.shape)
     for number, its, factor in zip(numbers, alone, enlarged.each * enlarged.student**2, strict=True):
@@ -197,9 +193,7 @@ def run_poles(data: Functions, fit: Fit, start: NDArray[np.complex128] | None = 
         frequency_std=std[0] * enlarged.student,
         damping_std=std[1] * enlarged.student,
         enlargement=enlarged.together * enlarged.student**2,
-        probability=_disagreement(
-            np.abs(pole) / (2.0 * np.pi), _resolved(std[0], fit.pole), enlarged.freedom
-        ),
+        probability=_disagreement(np.abs(pole) / (2.0 * np.pi), _resolved(std[0], fit.pole), enlarged.freedom),
     )
 
 
@@ -287,9 +281,7 @@ def _disagreement(
             centre = value[rank[np.searchsorted(weight, 0.5 * weight[-1])], r]
             # A median is pi / 2 times as uncertain, in variance, as the mean of normal numbers.
             spread = std[k, r] ** 2 + (0.5 * np.pi if others.size > 2 else 1.0) / weight[-1]
-            probability[k, r] = 2.0 * scipy.special.stdtr(
-                freedom[r], -abs(value[k, r] - centre) / np.sqrt(spread)
-            )
+            probability[k, r] = 2.0 * scipy.special.stdtr(freedom[r], -abs(value[k, r] - centre) / np.sqrt(spread))
     return np.minimum(1.0, probability * probability.size)
 
 
@@ -347,17 +339,13 @@ def moves_from_run_to_run(
     for k, number in enumerate(numbers):
         of_run = value[data.run == number]
         alone = linear_fit(frequency, of_run, shared.pole, data.quantity)
-        moved = refine(
-            frequency, of_run, shared.pole[:1], data.quantity, held=shared.pole[1:], tolerance=tolerance
-        )
+        moved = refine(frequency, of_run, shared.pole[:1], data.quantity, held=shared.pole[1:], tolerance=tolerance)
         gain[k], noise[k] = 2.0 * (alone.objective - moved.objective), inflation(moved.whitened())
     if not np.any(gain > noise.max() * scipy.special.chdtri(2, RUNS_DIFFER / numbers.size)):
         return False, None
     start = [pole - 1j * offset * pole.real for offset in aside]
     start += [c for c in candidates if 0.5 * -pole.real < np.abs(c - pole) < around]
-    tried = [
-        refine(frequency, value, np.append(shared.pole, s), data.quantity, tolerance=tolerance) for s in start
-    ]
+    tried = [refine(frequency, value, np.append(shared.pole, s), data.quantity, tolerance=tolerance) for s in start]
     distinct = [t for t in tried if np.abs(t.pole[-1] - t.pole[:-1]).min() > -apart * pole.real]
     if not distinct:
         return True, None

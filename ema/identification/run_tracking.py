@@ -51,13 +51,7 @@ class Followed:
 
 
 def runs_apart(
-    fit: Fit,
-    runs: RunPoles,
-    left: Left,
-    band: tuple[float, float],
-    *,
-    apart: float = 1.0,
-    slightly: float = 0.3,
+    fit: Fit, runs: RunPoles, left: Left, band: tuple[float, float], *, apart: float = 1.0, slightly: float = 0.3
 ) -> bool:
     """Whether runs differ by so much of the bandwidths that a fit by common poles may have missed or doubled modes.
 
@@ -72,9 +66,7 @@ def runs_apart(
     return bool(np.any(off > (slightly if left else apart)))
 
 
-def follow_runs(
-    frf: FRF, data: Functions, order: int, band: tuple[float, float], together: Fit
-) -> Followed | None:
+def follow_runs(frf: FRF, data: Functions, order: int, band: tuple[float, float], together: Fit) -> Followed | None:
     """Identify each run, link the poles, and fit all runs moved to common ones.
 
     Parameters
@@ -128,27 +120,21 @@ def _worth(data: Functions, followed: Followed, together: Fit, *, worth: float =
     `worth`: share of what common poles leave of the power that poles of each run may leave, to be worth their number.
     """
     power = np.sum(np.abs(data.value) ** 2, axis=1)
-    mine, theirs = (
-        np.mean(np.sum(np.abs(fit.residual) ** 2, axis=1) / power) for fit in (followed.fit, together)
-    )
+    mine, theirs = (np.mean(np.sum(np.abs(fit.residual) ** 2, axis=1) / power) for fit in (followed.fit, together))
     more = 2 * followed.fit.pole.size * (followed.runs.run.size - 1)
     unknowns = 2 * (followed.fit.pole.size - together.pole.size) * (1 + data.value.shape[0])
     likelier = followed.fit.objective + more + unknowns < together.objective
     return bool(mine < worth * theirs and likelier)
 
 
-def _alone(
-    frf: FRF, data: Functions, number: int, order: int, band: tuple[float, float]
-) -> NDArray[np.complex128]:
+def _alone(frf: FRF, data: Functions, number: int, order: int, band: tuple[float, float]) -> NDArray[np.complex128]:
     """Return the poles of the band that a run shows by itself."""
     of_run = frf.outputs(frf.run == number)
     fit, _, _ = select_modes(data.of_run(number), stabilization(of_run, order=order).chosen, band)
     return fit.pole[resonant(fit.pole, band)]
 
 
-def linked(
-    poles: list[NDArray[np.complex128]], *, rounds: int = 4, fewest: int = 2
-) -> NDArray[np.complex128]:
+def linked(poles: list[NDArray[np.complex128]], *, rounds: int = 4, fewest: int = 2) -> NDArray[np.complex128]:
     """Link the poles of runs one to one.
 
     Tracks begin as the poles of the run that shows most. Each run's poles go to the nearest tracks, the sum of squared
@@ -191,9 +177,7 @@ def linked(
     return track
 
 
-def _pairs(
-    of_run: NDArray[np.float64], centre: NDArray[np.float64], *, reach: float = 0.06
-) -> list[tuple[int, int]]:
+def _pairs(of_run: NDArray[np.float64], centre: NDArray[np.float64], *, reach: float = 0.06) -> list[tuple[int, int]]:
     """Assign logarithms of frequencies to those of tracks, none beyond reach.
 
     The reach is the largest share by which a mode of one run may be off the median of the others.
@@ -208,9 +192,7 @@ def _centre(track: NDArray[np.complex128]) -> NDArray[np.complex128]:
     return np.asarray(np.nanmedian(track.real, axis=0) + 1j * np.nanmedian(track.imag, axis=0))
 
 
-def _filled(
-    data: Functions, numbers: NDArray[np.int64], track: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _filled(data: Functions, numbers: NDArray[np.int64], track: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Give a run that does not show a mode the pole of that other run which explains its functions best."""
     filled = track.copy()
     centre = _centre(track)

@@ -46,13 +46,7 @@ from ema.identification.evidence import (
 )
 from ema.identification.functions import MAX_DAMPING, Functions, inside, resonant, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
-from ema.identification.run_poles import (
-    RUNS_DIFFER,
-    RunPoles,
-    image_of_a_mode,
-    moves_from_run_to_run,
-    run_poles,
-)
+from ema.identification.run_poles import RUNS_DIFFER, RunPoles, image_of_a_mode, moves_from_run_to_run, run_poles
 
 _LOG = logging.getLogger(__name__)
 _NONE = np.empty(0, dtype=complex)
@@ -89,9 +83,7 @@ def select_modes(
     return *_run_by_run_borne_out(data, fit, candidates, band), left
 
 
-def fit_chosen(
-    data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]
-) -> tuple[Fit, RunPoles, Left]:
+def fit_chosen(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> tuple[Fit, RunPoles, Left]:
     """Refine poles that were chosen by hand, and judge, add and take away none.
 
     The parameters and results are those of `select_modes`.
@@ -123,9 +115,7 @@ def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, f
         pole = pole[keep]
 
 
-def _keep(
-    data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]
-) -> NDArray[np.bool_]:
+def _keep(data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
     """Which refined poles are modes of the band, or flanks of modes outside of it that are needed."""
     verdicts = judge(data.frequency, fit, data.quantity)
     modes = verdicts.accepted & is_sound(fit, start, band) & ~is_confined(fit, data.run)
@@ -140,9 +130,7 @@ def _keep(
     return modes | neighbours
 
 
-def _without_images(
-    data: Functions, fit: Fit, band: tuple[float, float], tried: NDArray[np.complex128]
-) -> Fit:
+def _without_images(data: Functions, fit: Fit, band: tuple[float, float], tried: NDArray[np.complex128]) -> Fit:
     """Take away poles that stand for one mode at different places in different roving runs, none of those `tried`."""
     while (image := image_of_a_mode(data, fit, tried)) is not None:
         fit = _refined(data, np.delete(fit.pole, image), band)
@@ -233,12 +221,7 @@ def _run_by_run(
 
 
 def take_in_peaks(
-    data: Functions,
-    fit: Fit,
-    candidates: NDArray[np.complex128],
-    band: tuple[float, float],
-    *,
-    most_tries: int = 3,
+    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float], *, most_tries: int = 3
 ) -> tuple[Fit, Left]:
     """Try what the functions show as a peak and the modes do not explain, until all of it is tried.
 
@@ -274,9 +257,7 @@ def take_in_peaks(
             start = _starting_poles(data, peak, candidates)
             answer = try_peak(data, fit, peak, start, band)
             if isinstance(answer, Refusal):
-                others = np.append(
-                    _poles_beside(data, fit, peak, candidates), _flanks_beside(data, fit, peak)
-                )
+                others = np.append(_poles_beside(data, fit, peak, candidates), _flanks_beside(data, fit, peak))
                 again = try_peak(data, fit, peak, start, band, others) if others.size else answer
                 answer = answer if isinstance(again, Refusal) else again
             if isinstance(answer, Refusal):
@@ -307,9 +288,7 @@ def _reach(peak: Peak, *, half_widths: float = 8.0, fewest: int = 16) -> int:
     return int(max(np.ceil(half_widths * peak.half_width), fewest))
 
 
-def _starting_poles(
-    data: Functions, peak: Peak, candidates: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _starting_poles(data: Functions, peak: Peak, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Poles from which a peak is tried: the stable ones near it first, then that of its half-power bandwidth."""
     spacing = 2.0 * np.pi * float(data.frequency[1] - data.frequency[0])
     half_bandwidth = spacing * peak.half_width
@@ -318,9 +297,7 @@ def _starting_poles(
     return np.append(candidates[near], complex(-half_bandwidth, centre))
 
 
-def _poles_beside(
-    data: Functions, fit: Fit, peak: Peak, candidates: NDArray[np.complex128]
-) -> NDArray[np.complex128]:
+def _poles_beside(data: Functions, fit: Fit, peak: Peak, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Poles for the other peaks without one that anyone sees around a peak, each its likeliest starting pole."""
     others = [
         _starting_poles(data, other, candidates)[0]
@@ -485,9 +462,7 @@ def _run_by_run_borne_out(
     return fit, replace(runs, probability=np.where(moves, runs.probability, 1.0))
 
 
-def _with_a_mode_beside(
-    data: Functions, fit: Fit, beside: list[Fit], band: tuple[float, float]
-) -> Fit | None:
+def _with_a_mode_beside(data: Functions, fit: Fit, beside: list[Fit], band: tuple[float, float]) -> Fit | None:
     """Return the fit with the likeliest mode, if there is any, of those that lines around others show, the last each.
 
     Whether it has the phases of a mode is seen on the lines around it: beside all others what else is missing counts.

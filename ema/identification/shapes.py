@@ -185,9 +185,7 @@ class _Factors:
     right: NDArray[np.float64]  # (n_input, n_mode)
 
 
-def rank_one_modes(
-    around: Around, pole: complex, pairs: list[tuple[int, int, float]], most: int
-) -> RankOneModes:
+def rank_one_modes(around: Around, pole: complex, pairs: list[tuple[int, int, float]], most: int) -> RankOneModes:
     """Find the modes that share a pole, one at least.
 
     Parameters
@@ -308,10 +306,7 @@ def _common_basis(
 def _distances(around: Around, pole: complex, factors: _Factors) -> NDArray[np.complex128]:
     """Return M of the module's equation, rad/s: the functions seen along the factors have it in a double pole."""
     square = np.sum(factors.left**2, axis=0)  # as of `right`
-    seen = (
-        np.einsum("ok,oif,il->klf", factors.left, around.value, factors.right)
-        / np.outer(square, square)[..., None]
-    )
+    seen = np.einsum("ok,oif,il->klf", factors.left, around.value, factors.right) / np.outer(square, square)[..., None]
     basis = np.concatenate([around.line(np.array([pole]), power) for power in (2, 1)])
     n = square.size
     solution = np.linalg.lstsq(basis.T, around.rough(seen).reshape(n * n, -1).T, rcond=None)[0]
@@ -337,9 +332,7 @@ def _refined(
 
     `unknown_angle`: standard deviation, rad, of a rotation that nothing tells: any shape of the subspace is as good.
     """
-    from scipy.optimize import (
-        least_squares,
-    )  # here: it takes long to import, and few structures are symmetric
+    from scipy.optimize import least_squares  # here: it takes long to import, and few structures are symmetric
 
     n, width = start.size, float(np.mean(-start.real))
     side = factors.left / np.linalg.norm(factors.left, axis=0)
@@ -363,9 +356,7 @@ def _refined(
     x = solution.x
     if np.any(pole.real >= 0.0) or np.any(np.abs(pole - start) > width):
         pole, turned, x = start, participation, np.zeros(solution.x.size)
-    shape = np.linalg.lstsq(
-        basis(x).T, around.rough(around.value).reshape(len(factors.left), -1).T, rcond=None
-    )[0].T
+    shape = np.linalg.lstsq(basis(x).T, around.rough(around.value).reshape(len(factors.left), -1).T, rcond=None)[0].T
     rest = around.rough(around.value) - np.einsum("ok,ik,kf->oif", shape, turned, around.line(pole))
     grown = inflation(rest.reshape(-1, rest.shape[-1]))
     information = solution.jac.T @ solution.jac / (0.5 * grown)
@@ -437,9 +428,7 @@ def _clusters(pole: NDArray[np.complex128], *, near: float = 1.0) -> Iterator[ND
     """
     first = 0
     for r in range(1, pole.size + 1):
-        if r == pole.size or np.abs(pole[r] - pole[r - 1]) > -near * max(
-            pole.real[r], pole.real[r - 1], key=abs
-        ):
+        if r == pole.size or np.abs(pole[r] - pole[r - 1]) > -near * max(pole.real[r], pole.real[r - 1], key=abs):
             yield np.arange(first, r)
             first = r
 

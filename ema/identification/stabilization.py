@@ -123,10 +123,7 @@ def _between(known: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
 
 
 def lscf_poles(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    order: int,
-    scale: NDArray[np.float64] | None = None,
+    frequency: NDArray[np.float64], value: NDArray[np.complex128], order: int, scale: NDArray[np.float64] | None = None
 ) -> list[NDArray[np.complex128]]:
     """Return the upper half-plane poles of every model order up to `order`.
 
@@ -155,9 +152,7 @@ def lscf_poles(
         Fewer lines than unknowns, or a value that is not finite.
     """
     half = bool(frequency[0] <= 0.02 * frequency[-1])
-    step = (
-        2 if half else 1
-    )  # powers of z that an order adds: real coefficients have every pole with its conjugate
+    step = 2 if half else 1  # powers of z that an order adds: real coefficients have every pole with its conjugate
     _check(frequency, value, order, step)
     circle = _Circle.of(frequency, half=half)
     theta = circle.angle(frequency)
@@ -253,9 +248,7 @@ def _denominators(
     inverse = scipy.linalg.solve_triangular(factor, np.eye(size), lower=True, check_finite=False)
     # Rows of all outputs stand together, so that each order's are one block of memory.
     outputs = np.arange(n_output)[None, :, None]
-    cross = data.reshape(-1, n_output, m).swapaxes(0, 1)[
-        outputs, index[:, None, :]
-    ]  # (size, n_output, size, m)
+    cross = data.reshape(-1, n_output, m).swapaxes(0, 1)[outputs, index[:, None, :]]  # (size, n_output, size, m)
     (multiply,) = scipy.linalg.get_blas_funcs(("trmm",), (inverse, cross))
     # BLAS stores by columns, hence the transposes.
     whitened = multiply(1.0, inverse.T, cross.reshape(size, -1).T, side=1, overwrite_b=True)
@@ -299,9 +292,7 @@ def _solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         return np.linalg.lstsq(matrix, right, rcond=None)[0]
 
 
-def _roots(
-    coefficient: NDArray[Any], known: NDArray[np.complex128], *, many: int = 30
-) -> NDArray[np.complex128]:
+def _roots(coefficient: NDArray[Any], known: NDArray[np.complex128], *, many: int = 30) -> NDArray[np.complex128]:
     """Roots of ``det(sum_k coefficient[k] z**k + I z**n)`` as eigenvalues of the block companion matrix.
 
     The coefficients stand in the first block row, the form that LAPACK reduces fastest. Many roots of one polynomial
@@ -384,9 +375,7 @@ def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram
     parts = [_of_part(frf.frequency, value, part, order) for part in part_bands(value)]
     first = np.cumsum([0, *(chosen.size for *_, chosen in parts)])
     orders, poles, clusters, chosen = zip(*parts, strict=True)
-    numbers = [
-        np.where(cluster >= 0, cluster + n, cluster) for cluster, n in zip(clusters, first, strict=False)
-    ]
+    numbers = [np.where(cluster >= 0, cluster + n, cluster) for cluster, n in zip(clusters, first, strict=False)]
     return StabilizationDiagram(
         order=np.concatenate(orders),
         pole=np.concatenate(poles),
@@ -435,9 +424,7 @@ def _of_part(
     return all_orders, all_poles, *_clusters(all_orders, all_poles, chain, order)
 
 
-def _chain(
-    poles: list[NDArray[np.complex128]], *, link_distance: float = 0.01, max_gap: int = 2
-) -> NDArray[np.int64]:
+def _chain(poles: list[NDArray[np.complex128]], *, link_distance: float = 0.01, max_gap: int = 2) -> NDArray[np.int64]:
     """Give each pole the number of its chain, in the order of the concatenated poles.
 
     `link_distance`: largest distance of linked poles of neighbouring orders over the magnitude of the pole.

@@ -96,9 +96,7 @@ def run_noise(run: Functions, fit: Fit) -> RunNoise:
         read = np.sqrt(share) * along
         lags = range(max(1, read.size // 2))
         correlation.append(np.array([np.vdot(read[: read.size - k], read[k:]).real for k in lags]))
-    return RunNoise(
-        strength=strength, response=response, ratio=ratio, freedom=freedom, correlation=tuple(correlation)
-    )
+    return RunNoise(strength=strength, response=response, ratio=ratio, freedom=freedom, correlation=tuple(correlation))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -187,9 +185,7 @@ def _serial(correlations: list[NDArray[np.float64]], freedom: float, *, correlat
     return 1.0 + 2.0 * float(correlation[1:end].sum())
 
 
-def _window(
-    frequency: NDArray[np.float64], pole: complex, *, half_bandwidths: float = 4.0, fewest: int = 8
-) -> slice:
+def _window(frequency: NDArray[np.float64], pole: complex, *, half_bandwidths: float = 4.0, fewest: int = 8) -> slice:
     """Lines around a pole that its noise is taken from.
 
     `half_bandwidths`, `fewest`: half bandwidths around a pole, and lines on each side at least.
@@ -201,9 +197,7 @@ def _window(
     return slice(start, int(np.clip(centre + reach + 1, start + 2 * fewest, frequency.size)))
 
 
-def _read_from(
-    frequency: NDArray[np.float64], pole: complex
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _read_from(frequency: NDArray[np.float64], pole: complex) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Share of each line in what is read of a pole, of sum 1, and its leverage in the fit of residue and pole."""
     line = 1.0 / (2j * np.pi * frequency - pole)
     basis, _ = np.linalg.qr(np.stack([line, line**2], axis=1))
@@ -234,9 +228,7 @@ def with_unknown_lines(modal_model: ModalModel, frequency: NDArray[np.float64]) 
     covariance[::2, ::2] += np.diag(variance)
     return replace(
         modal_model,
-        frequency_std=np.hypot(
-            modal_model.frequency_std, np.sqrt(variance) * np.abs(pole.real) / size / (2.0 * np.pi)
-        ),
+        frequency_std=np.hypot(modal_model.frequency_std, np.sqrt(variance) * np.abs(pole.real) / size / (2.0 * np.pi)),
         damping_std=np.hypot(modal_model.damping_std, np.sqrt(variance) * (pole.imag / size) ** 2 / size),
         covariance=covariance,
     )

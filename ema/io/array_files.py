@@ -79,9 +79,7 @@ def _check(
             stop = position + 8
         else:
             stop = start + size + (-size % 8 if kind != compressed else 0)
-        expected = (
-            {matrix, compressed} if depth == 0 else _NUMBERS if numeric else _NUMBERS | _TEXT | {matrix}
-        )
+        expected = {matrix, compressed} if depth == 0 else _NUMBERS if numeric else _NUMBERS | _TEXT | {matrix}
         if kind not in expected or start + size > end or depth > deepest:
             message = f"the element at byte {position} has type {kind} and {size} bytes, which cannot be"
             raise ValueError(message)
@@ -324,9 +322,7 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         raise MeasurementError(message) from error
 
 
-def array(
-    path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, *, listed: int = 20
-) -> NDArray[Any]:
+def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, *, listed: int = 20) -> NDArray[Any]:
     """Read one array by its name.
 
     Parameters
@@ -384,9 +380,7 @@ def _in_hdf5(file: Any, *, matlab: bool) -> dict[str, ArrayInFile]:
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and not name.startswith("#"):
-            add(
-                name.replace("/", ".") if matlab else name, item
-            )  # MATLAB keeps what cells refer to in #refs#
+            add(name.replace("/", ".") if matlab else name, item)  # MATLAB keeps what cells refer to in #refs#
 
     file.visititems(visit)
     if not matlab:
@@ -406,10 +400,7 @@ def _attributes(item: Any) -> Iterator[tuple[str, ArrayInFile]]:
     for key in item.attrs:
         value = np.asarray(item.attrs[key])
         if value.dtype.kind in "fiub" and value.size:
-            yield (
-                f"{item.name.strip('/')}@{key}",
-                ArrayInFile(shape=value.shape, read=partial(np.asarray, value)),
-            )
+            yield (f"{item.name.strip('/')}@{key}", ArrayInFile(shape=value.shape, read=partial(np.asarray, value)))
 
 
 def _holds_complex(item: Any) -> bool:
@@ -463,9 +454,7 @@ def numpy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Return the shape of an array in a file of NumPy and the type of its values, and close the file."""
     with stream:
         version = np.lib.format.read_magic(stream)
-        read = (
-            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        )
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, _, dtype = read(stream)
     return shape, dtype
 
@@ -502,15 +491,7 @@ def _variables(path: Path) -> list[tuple[str, tuple[int, ...], str]]:
         return list(io.whosmat(str(path), appendmat=False))
     except TypeError:  # at an object of MATLAB's, such as a table or a figure, which has no shape
         content = io.loadmat(str(path), appendmat=False)
-    kinds = {
-        "V": "struct",
-        "O": "cell",
-        "f": "double",
-        "c": "double",
-        "i": "int",
-        "u": "uint",
-        "b": "logical",
-    }
+    kinds = {"V": "struct", "O": "cell", "f": "double", "c": "double", "i": "int", "u": "uint", "b": "logical"}
     return [
         (name, value.shape, kinds[value.dtype.kind])
         for name, value in content.items()
@@ -548,11 +529,7 @@ def _units(name: str, value: Any) -> Iterator[tuple[str, str]]:
 
 def _text(value: Any) -> str:
     """Return a text of a MATLAB file; empty where it is something else."""
-    return (
-        str(value.ravel()[0])
-        if type(value) is np.ndarray and value.dtype.kind == "U" and value.size == 1
-        else ""
-    )
+    return str(value.ravel()[0]) if type(value) is np.ndarray and value.dtype.kind == "U" and value.size == 1 else ""
 
 
 def _fields(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -562,9 +539,7 @@ def _fields(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
     if value.dtype.names is not None:
         for k, element in enumerate(value.ravel(order="F"), start=1):
             for field in value.dtype.names:
-                yield from _fields(
-                    f"{name}.{field}" if value.size == 1 else f"{name}({k}).{field}", element[field]
-                )
+                yield from _fields(f"{name}.{field}" if value.size == 1 else f"{name}({k}).{field}", element[field])
     elif value.dtype.kind == "O":
         for k, element in enumerate(value.ravel(order="F"), start=1):
             yield from _fields(f"{name}{{{k}}}", element)

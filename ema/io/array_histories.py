@@ -59,9 +59,7 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
     n_run, n_hit = reference.shape[:2]
 
     def channels(run: int, hit: int) -> Channels:
-        place = "".join(
-            f"{what} {k + 1}, " for what, k, n in (("run", run, n_run), ("hit", hit, n_hit)) if n > 1
-        )
+        place = "".join(f"{what} {k + 1}, " for what, k, n in (("run", run, n_run), ("hit", hit, n_hit)) if n > 1)
         return tuple(
             MeasuredFunction(
                 kind="response", abscissa=time, value=block[run, hit, c], quantity=None, output=None, input=None,
@@ -74,17 +72,11 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
     return tuple(tuple(channels(run, hit) for hit in range(n_hit)) for run in range(n_run))
 
 
-def _require_one_start(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, step: float
-) -> None:
+def _require_one_start(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, step: float) -> None:
     """Refuse channels of a TDMS group that begin more than a sample apart (s): they are not side by side."""
     starts: dict[str, list[tuple[float, str]]] = {}
     for name in (n for given in layout.history or () for n in _alike(path, arrays, "history", given)):
-        stated = [
-            arrays[key].read()
-            for key in (f"{name}@wf_start_time", f"{name}@wf_start_offset")
-            if key in arrays
-        ]
+        stated = [arrays[key].read() for key in (f"{name}@wf_start_time", f"{name}@wf_start_offset") if key in arrays]
         if stated:
             starts.setdefault(name.rpartition("/")[0], []).append((float(sum(stated)), name))
     for group in starts.values():
@@ -183,9 +175,7 @@ def _block(
     return value.reshape(shape).transpose(order).reshape(lengths)
 
 
-def _axes_of(
-    value: NDArray[Any], axes: tuple[str, ...], *, droppable: bool
-) -> tuple[tuple[str, ...], tuple[int, ...]]:
+def _axes_of(value: NDArray[Any], axes: tuple[str, ...], *, droppable: bool) -> tuple[tuple[str, ...], tuple[int, ...]]:
     """Return what the axes of an array are, and its shape without those of length one that are not named."""
     shape = value.shape
     if value.size == max(shape, default=0):  # MATLAB has no vectors, only columns and rows
@@ -200,10 +190,7 @@ def _axes_of(
 
 
 def _time(
-    path: Path,
-    arrays: Mapping[str, ArrayInFile],
-    layout: VariableLayout,
-    blocks: list[tuple[str, NDArray[np.float64]]],
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, blocks: list[tuple[str, NDArray[np.float64]]]
 ) -> NDArray[np.float64]:
     name, block = blocks[0]
     count = block.shape[3]
@@ -242,9 +229,7 @@ def _rate(path: Path, arrays: Mapping[str, ArrayInFile], name: str | float) -> f
     if value.size != 1 or np.iscomplexobj(value) or not 0 < value.flat[0] < np.inf:
         message = f"{path}: variable {name!r} (sampling_Hz): expected one positive number, found {value.size}"
         if value.size == 1:
-            message = (
-                f"{path}: variable {name!r} (sampling_Hz): expected a positive number, found {value.flat[0]}"
-            )
+            message = f"{path}: variable {name!r} (sampling_Hz): expected a positive number, found {value.flat[0]}"
         raise MeasurementError(message)
     return float(value.flat[0])
 

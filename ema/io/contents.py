@@ -149,9 +149,7 @@ def point_in(text: str) -> int | None:
     return points[0] if len(points) == 1 and points[0] > 0 else None
 
 
-def with_names(
-    file: Path, header: list[list[Code]]
-) -> tuple[tuple[tuple[Code | None, Code | None], ...], list[str]]:
+def with_names(file: Path, header: list[list[Code]]) -> tuple[tuple[tuple[Code | None, Code | None], ...], list[str]]:
     """Return output and input of each FRF of a file from its header and its name, and what was guessed.
 
     Parameters
@@ -163,8 +161,7 @@ def with_names(
     """
     named = dofs_in(file.name)
     dofs: list[tuple[Code | None, Code | None]] = [
-        (read_dofs[0] if read_dofs else None, read_dofs[1] if len(read_dofs) > 1 else None)
-        for read_dofs in header
+        (read_dofs[0] if read_dofs else None, read_dofs[1] if len(read_dofs) > 1 else None) for read_dofs in header
     ]
     outputs = [output for output, _ in dofs]
     if not named:

@@ -112,9 +112,7 @@ def without_unmeasured(modes: FoundModes) -> FoundModes:
             "mode out, or export it again"
         )
         raise MeasurementError(message)
-    return replace(
-        modes, shape=modes.shape[measured], node=modes.node[measured], direction=modes.direction[measured]
-    )
+    return replace(modes, shape=modes.shape[measured], node=modes.node[measured], direction=modes.direction[measured])
 
 
 def joined(parts: Sequence[FoundModes]) -> FoundModes:
@@ -130,9 +128,7 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
     for part, rows_of in zip(parts, places, strict=True):
         if len(rows_of) < part.node.size:
             dof = next(dof for row, dof in enumerate(part.dofs) if rows_of[dof] != row)
-            message = (
-                f"{part.source}: point {dof[0]} stands twice in the same direction; a shape has each DOF once"
-            )
+            message = f"{part.source}: point {dof[0]} stands twice in the same direction; a shape has each DOF once"
             raise MeasurementError(message)
     common = [dof for dof in places[0] if all(dof in rows_of for rows_of in places)]
     if not common:
@@ -141,9 +137,7 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
     notes = [note for part in parts for note in part.notes]
     left = max(map(len, places)) - len(common)
     if left:
-        notes.append(
-            f"{first.source}: {left} components are not in the shapes of all modes; they are left out of all"
-        )
+        notes.append(f"{first.source}: {left} components are not in the shapes of all modes; they are left out of all")
     rows = [[rows_of[dof] for dof in common] for rows_of in places]
 
     def beside(name: str) -> NDArray[np.float64]:
@@ -182,9 +176,7 @@ class _Table:
     def numbers(self, name: str, *, blank: bool = False) -> NDArray[np.float64]:
         """Return a column of numbers, NaN where a cell is empty and may be."""
         if name not in self.columns:
-            message = (
-                f"{self.path}: no column {name!r}; the file has {', '.join(self.columns) or 'no header'}"
-            )
+            message = f"{self.path}: no column {name!r}; the file has {', '.join(self.columns) or 'no header'}"
             raise MeasurementError(message)
         numbers = np.empty(len(self.columns[name]))
         for i, cell in enumerate(self.columns[name]):
@@ -294,9 +286,7 @@ def _poles(table: _Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         raise MeasurementError(message)
     if np.any(frequency <= 0.0):
         row = int(np.argmin(frequency))
-        message = (
-            f"{table.path}: row {row + 2}: frequency_Hz is {frequency[row]:g}, expected a number above 0"
-        )
+        message = f"{table.path}: row {row + 2}: frequency_Hz is {frequency[row]:g}, expected a number above 0"
         raise MeasurementError(message)
     damping = table.optional("damping", frequency.size)
     percent = table.optional("damping_percent", frequency.size)
@@ -316,9 +306,7 @@ def _deviation(table: _Table, name: str, n: int) -> NDArray[np.float64]:
     std = table.optional(name, n)
     wrong = np.flatnonzero(std < 0.0)
     if wrong.size:
-        message = (
-            f"{table.path}: row {wrong[0] + 2}: {name} is {std[wrong[0]]:g}, expected a number of at least 0"
-        )
+        message = f"{table.path}: row {wrong[0] + 2}: {name} is {std[wrong[0]]:g}, expected a number of at least 0"
         raise MeasurementError(message)
     return np.where(std > 0.0, std, np.nan)
 
@@ -364,9 +352,7 @@ def _apart(
         if f"mode_{r}_imag" in table.columns:
             shape[:, r - 1] += 1j * table.numbers(f"mode_{r}_imag")
     if f"mode_{n + 1}_real" in table.columns or f"mode_{n + 1}" in table.columns:
-        message = (
-            f"{table.path}: has the shape of a mode {n + 1}, and the table of modes {n} rows; give as many"
-        )
+        message = f"{table.path}: has the shape of a mode {n + 1}, and the table of modes {n} rows; give as many"
         raise MeasurementError(message)
     return number.astype(np.int64), direction / length[:, None], shape
 
@@ -395,9 +381,7 @@ def _read(path: Path) -> _Table:
         if len(row) > len(names):
             message = f"{path}: row {number} has {len(row)} cells, and row 1 {len(names)} names"
             raise MeasurementError(message)
-    columns = {
-        name: [row[k] if k < len(row) else "" for row in rows[1:]] for k, name in enumerate(names) if name
-    }
+    columns = {name: [row[k] if k < len(row) else "" for row in rows[1:]] for k, name in enumerate(names) if name}
     decimal, notes = "." if delimiter == "," else ",", list[str]()
     first = {"": [row[0] for row in rows[1:]]} if names and not names[0] else {}
     if (modes := of_modes({**first, **columns}, decimal, notes)) is not None:

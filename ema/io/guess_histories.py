@@ -95,8 +95,7 @@ def guess_histories(arrays: _Records, beside: Mapping[str, int]) -> HistoriesFou
     said = f"variables {', '.join(map(repr, names))} are" if len(names) > 1 else f"variable {names[0]!r} is"
     guesses.insert(0, f"{said} taken as time histories")
     return HistoriesFound(
-        keys={"history": names if len(names) > 1 else names[0], "axes": axes}
-        | (keys or {"sampling_Hz": UNKNOWN}),
+        keys={"history": names if len(names) > 1 else names[0], "axes": axes} | (keys or {"sampling_Hz": UNKNOWN}),
         lengths=lengths,
         titles=titles,
         n_run=_runs(names[0], axes, every, records),
@@ -129,9 +128,7 @@ def _common(names: list[str]) -> str:
 def _starred(name: str, axes: list[str], guesses: list[str]) -> list[str]:
     """Return the axis that each * of a name stands for: points where the name says so, else hits."""
     parts = [part for part in re.split(r"[./]", name) if "*" in part]
-    kinds = [
-        "run" if re.search(_OF_POINTS, part, re.IGNORECASE) or "hit" in axes else "hit" for part in parts
-    ]
+    kinds = ["run" if re.search(_OF_POINTS, part, re.IGNORECASE) or "hit" in axes else "hit" for part in parts]
     if kinds in (["hit", "hit"], ["run", "run"]):
         kinds = ["run", "hit"]
     if parts:
@@ -259,9 +256,7 @@ def _channel_axis(value: NDArray[np.float64], at: int, rest: list[int], records:
         shape = [n for n in force.shape if n > 1]
         lacking = [k for k in rest if sorted(n for j, n in enumerate(value.shape) if j != k) == sorted(shape)]
         if len(lacking) > 1:
-            return max(
-                lacking, key=lambda k: _explained(force.reshape(shape), np.moveaxis(value, [k, at], [0, -1]))
-            )
+            return max(lacking, key=lambda k: _explained(force.reshape(shape), np.moveaxis(value, [k, at], [0, -1])))
         if lacking:
             return lacking[0]
     share = pulse_share(np.moveaxis(value, at, -1))  # its axes are those of `rest`, in their order

@@ -34,9 +34,7 @@ LONGEST_SAMPLE = 2e-3
 """Longest step of an axis without a name, s, that is one of time: as a step of Hz it would ask for records of 500 s."""
 
 
-def parts_of_frfs(
-    arrays: _Arrays, units: Mapping[str, str]
-) -> tuple[dict[str, Any], NDArray[Any], list[str]] | None:
+def parts_of_frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, Any], NDArray[Any], list[str]] | None:
     """Return keys of the FRFs, an array in their shape, and what was guessed; None where no two arrays are a pair.
 
     Two arrays are a pair where they have the same shape and the same name but for a word, such as ``H_mag`` and
@@ -63,9 +61,7 @@ def parts_of_frfs(
         if keys[0] == "magnitude":
             titles = [" ".join(f"{p[k]} {units.get(p[k], '')}" for p in used) for k in (0, 1)]
             size, phase = (np.concatenate([arrays[p[k]].ravel() for p in used]) for k in (0, 1))
-            keys_of_parts |= polar_units(
-                (titles[0], titles[1]), size.astype(float), phase.astype(float), guesses
-            )
+            keys_of_parts |= polar_units((titles[0], titles[1]), size.astype(float), phase.astype(float), guesses)
         return keys_of_parts, arrays[first[0]], guesses
     return None
 
@@ -92,9 +88,7 @@ def table_of_frfs(
         first, second = columns[:, 1::2].astype(float), columns[:, 2::2].astype(float)
         is_polar = bool(np.all(first >= 0.0)) and 1.0 < float(np.max(np.abs(second))) <= full_turn
         kinds, guesses = (WAYS[2] if is_polar else WAYS[1]), list[str]()
-        places = [
-            f"{name}[:, {column}]" if along == 0 else f"{name}[{column}]" for column in ("0", "1::2", "2::2")
-        ]
+        places = [f"{name}[:, {column}]" if along == 0 else f"{name}[{column}]" for column in ("0", "1::2", "2::2")]
         keys: dict[str, Any] = {kinds[0]: [places[1]], kinds[1]: [places[2]], "frequency": places[0]}
         guesses.append(
             f"the {'columns' if along == 0 else 'rows'} of variable {name!r} are taken as frequency, {kinds[0]} and "
@@ -124,9 +118,7 @@ def magnitudes_alone(arrays: _Arrays) -> str:
 
 def _pairs(arrays: _Arrays, keys: tuple[str, ...]) -> list[tuple[str, str]]:
     """Return the names of first and second part of each pair."""
-    of_rest: dict[tuple[_Rest, tuple[int, ...]], dict[str, list[str]]] = defaultdict(
-        lambda: defaultdict(list)
-    )
+    of_rest: dict[tuple[_Rest, tuple[int, ...]], dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for name, value in arrays.items():
         if _is_function(name, value):
             for key in keys:
@@ -144,9 +136,7 @@ def _is_function(name: str, value: NDArray[Any], *, fewest_lines: int = 10) -> b
 
 def _words(name: str) -> list[str]:
     """Return the words and numbers of a name in lower case."""
-    apart = re.sub(
-        r"(?<=[a-z])(?=[A-Z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])", " ", name.replace("dB", "db")
-    )
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Za-z])(?=\d)|(?<=\d)(?=[A-Za-z])", " ", name.replace("dB", "db"))
     return [word.lower() for word in re.split(r"[^\w]+|_", apart) if word]
 
 

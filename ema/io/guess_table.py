@@ -56,9 +56,7 @@ _OF_A_PART = (
 )
 _NAMELESS = r"(?:var|col(?:umn)?|c|y|x|data|unnamed|field|feld|wert|value|spalte)?\W*\d+"
 """A title that says nothing, as programs number columns: two such may be the parts of one function."""
-_OF_TIME = (
-    r"sampl(e|ing) (rate|frequency|freq|interval|period)|abtast(rate|freq|int)|vzor[cč]enj|x_dimension\W+time"
-)
+_OF_TIME = r"sampl(e|ing) (rate|frequency|freq|interval|period)|abtast(rate|freq|int)|vzor[cč]enj|x_dimension\W+time"
 _NUMBER = r"[^0-9\n]{0,20}(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)"
 _RATE = rf"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtast(?:rate|freq\w*)|vzor[cč]enj\w*){_NUMBER}\s*(khz)?"
 _STEP = rf"(?:delta_x|sampl\w*[ _]?(?:interval|period|time)|abtastint\w*){_NUMBER}\s*(ms)?"
@@ -95,17 +93,13 @@ class _Text:
     decimal: str
     header: list[list[str]]
     n_header: int
-    heads: tuple[
-        str, ...
-    ]  # the header of each segment; of LabVIEW's text, whose headers name no points, empty
+    heads: tuple[str, ...]  # the header of each segment; of LabVIEW's text, whose headers name no points, empty
     value: NDArray[np.complex128]
 
     def title(self, column: int) -> str:
         """All that the header says over a column."""
         width = self.value.shape[1]
-        begin = (
-            max((k for k, row in enumerate(self.header) if row[0].startswith(END_OF_HEADER)), default=-1) + 1
-        )
+        begin = max((k for k, row in enumerate(self.header) if row[0].startswith(END_OF_HEADER)), default=-1) + 1
         rows = self.header[begin:]
         fits = [row for row in rows if len(row) == width or (len(row) == width + 1 and not row[-1].strip())]
         if not fits:  # a title more than there are numbers in all rows, such as that of a column of comments
@@ -168,12 +162,7 @@ def guess_table(path: Path) -> Contents | None:
 
 def _dofs_in_header(head: str) -> tuple[Code | None, Code | None]:
     """Return output and input of a segment of one FRF as its header says, in rows that tell of points."""
-    dofs = [
-        code
-        for row in head.splitlines()
-        if re.search(_OF_POINTS, row, re.IGNORECASE)
-        for code in dofs_in(row)
-    ]
+    dofs = [code for row in head.splitlines() if re.search(_OF_POINTS, row, re.IGNORECASE) for code in dofs_in(row)]
     return (dofs[0] if dofs else None, dofs[1] if len(dofs) > 1 else None)
 
 
@@ -248,13 +237,9 @@ def not_understood(path: Path) -> str:
     titles = ", ".join(filter(None, (text.title(c) for c in range(width))))
     spectrum = _spectrum_in(text, list(range(1, width)))
     if spectrum:
-        return (
-            f"it tells of {spectrum!r}: spectra of one channel are no FRFs; export FRFs, response over force"
-        )
+        return f"it tells of {spectrum!r}: spectra of one channel are no FRFs; export FRFs, response over force"
     if other := _other_ratio_in(text):
-        return (
-            f"it states the unit {other}, which is no response over a force; export FRFs, response over force"
-        )
+        return f"it states the unit {other}, which is no response over a force; export FRFs, response over force"
     if one_part := _one_part(path, text, list(range(1, width))):
         return one_part
     columns = f"{width} columns" + (f" ({titles})" if titles else "") + " of numbers, "
@@ -284,9 +269,7 @@ def _no_table(path: Path, *, most_shown: int = 60) -> str:
     if not rows:
         return f"{lacking}: it is empty"
     row = rows[len(rows) // 2]
-    numbers = [
-        cells for d in _DELIMITERS for cells in (row.split(SEPARATORS[d])[1:],) if len(cells) >= FEWEST_ROWS
-    ]
+    numbers = [cells for d in _DELIMITERS for cells in (row.split(SEPARATORS[d])[1:],) if len(cells) >= FEWEST_ROWS]
     if any(all(map(_is_number, cells)) for cells in numbers):
         return f"{lacking}: each row holds a function behind its name; write functions in columns, frequencies first"
     shown = row.strip() if len(row.strip()) <= most_shown else f"{row.strip()[:most_shown]}..."
@@ -319,10 +302,7 @@ def _one_part(path: Path, text: _Text, columns: list[int]) -> str:
     one part.
     """
     titles = [text.title(c) for c in columns]
-    if (
-        any(re.search(words, title.lower()) for _, words in _KINDS for title in titles)
-        or text.value.imag.any()
-    ):
+    if any(re.search(words, title.lower()) for _, words in _KINDS for title in titles) or text.value.imag.any():
         return ""
     named = [re.fullmatch(_NAMELESS, title, re.IGNORECASE) is None and bool(title) for title in titles]
     alike = {re.sub(r"\d+", "#", title) for title in titles}
@@ -398,9 +378,7 @@ def _cut(
     return None
 
 
-def _require_even(
-    path: Path, rows: list[str], numbers: list[list[complex] | None], start: int, delimiter: str
-) -> None:
+def _require_even(path: Path, rows: list[str], numbers: list[list[complex] | None], start: int, delimiter: str) -> None:
     """Refuse a table whose first rows are of numbers, but for one that begins with a number and has other cells."""
     width = len(numbers[start] or ())
     first = cells_of(rows[start - 1], delimiter)[:1] if start > 1 else []
@@ -469,11 +447,7 @@ def _axis_keys(axis: NDArray[np.float64], factor: float) -> dict[str, float]:
     """Return the keys of an axis in another unit, which is read without its column."""
     rate = rate_of_rounded(axis)
     step = factor / rate if rate else factor * float(np.diff(axis).mean())
-    return {
-        "axis_column": 0,
-        "axis_start": float(f"{factor * axis[0]:.12g}"),
-        "axis_step": float(f"{step:.12g}"),
-    }
+    return {"axis_column": 0, "axis_start": float(f"{factor * axis[0]:.12g}"), "axis_step": float(f"{step:.12g}")}
 
 
 def _beside(text: _Text, axis: int | None) -> list[int]:
@@ -533,9 +507,7 @@ def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
         return True
     header = text.words.lower()
     titles = [text.title(c).lower() for c in range(axis + 1, text.value.shape[1])]
-    if re.search(_OF_FREQUENCY, header) or any(
-        re.search(r"\bfft\b|spectr|spekt", heading) for heading in titles
-    ):
+    if re.search(_OF_FREQUENCY, header) or any(re.search(r"\bfft\b|spectr|spekt", heading) for heading in titles):
         return False
     if re.search(_OF_TIME, header):
         guesses.append("the columns are taken as time histories, for the header tells of sampling")
@@ -543,19 +515,13 @@ def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
     step = float(np.diff(text.value[:, axis].real).mean())
     if title or step > LONGEST_SAMPLE or text.value[:, axis + 1 :].imag.any():
         return False
-    guesses.append(
-        f"the first column is taken as the time in s, since a step of {step:.4g} Hz is none of a frequency"
-    )
+    guesses.append(f"the first column is taken as the time in s, since a step of {step:.4g} Hz is none of a frequency")
     return True
 
 
-def _functions(
-    text: _Text, columns: list[int], guesses: list[str]
-) -> tuple[str, list[list[int]], list[int]] | None:
+def _functions(text: _Text, columns: list[int], guesses: list[str]) -> tuple[str, list[list[int]], list[int]] | None:
     """Return the layout, the columns of each function and those of the coherences."""
-    kinds = {
-        c: next((k for k, words in _KINDS if re.search(words, text.title(c).lower())), "") for c in columns
-    }
+    kinds = {c: next((k for k, words in _KINDS if re.search(words, text.title(c).lower())), "") for c in columns}
     coherence = [c for c in columns if kinds[c] == "coherence"]
     for layout, (first, second) in _PAIRS.items():
         groups = [[c, c + 1] for c in columns[:-1] if kinds[c] == first and kinds[c + 1] == second]

@@ -23,8 +23,7 @@ from ema.types.errors import MeasurementError
 
 _Arrays = dict[str, NDArray[Any]]
 _FRF = re.compile(
-    r"frf|^h(f|\d+)?(_|$)|^tf|transf|recep|mobil|accelerance|inertance|compliance|^fresp|freqresp",
-    re.IGNORECASE,
+    r"frf|^h(f|\d+)?(_|$)|^tf|transf|recep|mobil|accelerance|inertance|compliance|^fresp|freqresp", re.IGNORECASE
 )
 _SPECTRUM = re.compile(r"^[sgx]\d*(_\d+)?$|spec|psd|csd|cross|auto|fft|corr", re.IGNORECASE)
 _OF_SPECTRA = re.compile(r"spec|psd|csd|cross|auto(?!mat)|corr(?!ect)", re.IGNORECASE)
@@ -32,27 +31,21 @@ _ESTIMATE = re.compile(
     r"(?:^|[_ ])H[12v]?(?=_|\d|$)"
 )  # H1_2_1 in a name as FFT1_H1_2_1: it outweighs a word of spectra
 _COHERENCE = re.compile(r"coh|gamma|^c\d+_\d+$", re.IGNORECASE)  # C1_2 of the analysers that write H1_2
-_CIRCULAR = re.compile(
-    r"^(w|om(ega)?)$|omega|rad_?(per_?)?s(ec)?$|kreisfreq|circ\w*freq", re.IGNORECASE
-)  # rad/s
+_CIRCULAR = re.compile(r"^(w|om(ega)?)$|omega|rad_?(per_?)?s(ec)?$|kreisfreq|circ\w*freq", re.IGNORECASE)  # rad/s
 _OF_FREQUENCY = re.compile(r"(?:^|[._/])f(?:req\w*)?$|freq|hz", re.IGNORECASE)
 _STEP = re.compile(
-    r"^((x|wf)_?increment|increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$",
-    re.IGNORECASE,
+    r"^((x|wf)_?increment|increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$", re.IGNORECASE
 )
 _START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0|wf_start_offset)$", re.IGNORECASE)
 _FEWEST_LINES = 10
 _OF_MODES = re.compile(
-    r"^(f_?n|w_?n|omega_?n?|freqs?|frequenc(y|ies)|.*nat\w*freq\w*|lamb(da|d)s?|poles?|eigen\w*)$",
-    re.IGNORECASE,
+    r"^(f_?n|w_?n|omega_?n?|freqs?|frequenc(y|ies)|.*nat\w*freq\w*|lamb(da|d)s?|poles?|eigen\w*)$", re.IGNORECASE
 )
 _SHAPES = re.compile(r"shape|^phi|^psi|^ms$|^mode|eigenvec", re.IGNORECASE)
 _MOST_MODES = 200
 
 
-def guess_variables(
-    path: Path, *, matlab: bool, beside: Mapping[str, int] = MappingProxyType({})
-) -> Contents:
+def guess_variables(path: Path, *, matlab: bool, beside: Mapping[str, int] = MappingProxyType({})) -> Contents:
     """Return what a MATLAB, HDF5, NumPy or TDMS file seems to hold, with `UNKNOWN` for what nothing in it looks like.
 
     The FRFs are the complex arrays that are called so, such as ``H1_2``, else the largest that is not called a
@@ -90,9 +83,7 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
     """Return what the arrays of a file seem to hold."""
     _require_no_modes(path, arrays)
     keys, block, guesses = _frfs(arrays, units)
-    if block is None and (
-        table := _two_parts(arrays) or _parts_along_an_axis(arrays) or table_of_frfs(arrays)
-    ):
+    if block is None and (table := _two_parts(arrays) or _parts_along_an_axis(arrays) or table_of_frfs(arrays)):
         keys, parts, guesses = table
         arrays |= parts
         block = parts[next(name for name in parts if name in keys.get("real", keys.get("magnitude", ())))]
@@ -122,9 +113,7 @@ def _require_no_modes(path: Path, arrays: _Arrays) -> None:
     """Refuse a file of modes: one number of each mode that is called a frequency or a pole, and shapes of as many."""
     for name, value in arrays.items():
         n_mode = value.size
-        if not (
-            1 < n_mode == max(value.shape, default=0) <= _MOST_MODES and _OF_MODES.search(field_of(name))
-        ):
+        if not (1 < n_mode == max(value.shape, default=0) <= _MOST_MODES and _OF_MODES.search(field_of(name))):
             continue
         shapes = [
             other for other, shape in arrays.items()
@@ -151,18 +140,13 @@ def _with_units(histories: HistoriesFound, units: Mapping[str, str]) -> tuple[st
     names = [history] if isinstance(history, str) else history
     if len(names) != len(histories.titles):
         return histories.titles
-    of_arrays = [
-        next((unit for v, unit in units.items() if pattern_of(name).fullmatch(v)), "") for name in names
-    ]
+    of_arrays = [next((unit for v, unit in units.items() if pattern_of(name).fullmatch(v)), "") for name in names]
     return tuple(
-        f"{title} [{unit}]" if unit else title
-        for title, unit in zip(histories.titles, of_arrays, strict=True)
+        f"{title} [{unit}]" if unit else title for title, unit in zip(histories.titles, of_arrays, strict=True)
     )
 
 
-def _of_frfs(
-    path: Path, arrays: _Arrays, keys: dict[str, Any], block: NDArray[Any], guesses: list[str]
-) -> Contents:
+def _of_frfs(path: Path, arrays: _Arrays, keys: dict[str, Any], block: NDArray[Any], guesses: list[str]) -> Contents:
     """Return what a file with FRFs, of the shape of `block`, holds beside them."""
     parts = [key for keys_ in WAYS for key in keys_ if key in keys]
     names = keys[parts[0]]
@@ -192,9 +176,7 @@ def _of_frfs(
         keys |= {part: keys[part][0] for part in parts}
     lengths = dict(zip(axes, [n for n in shape if n > 1], strict=False))
     n_output, n_input = lengths.get("output", 1) * max(len(names), 1), lengths.get("input", 1)
-    states = frozenset(
-        end for end, n in (("output", n_output), ("input", n_input)) if _place(arrays, keys, end, n)
-    )
+    states = frozenset(end for end, n in (("output", n_output), ("input", n_input)) if _place(arrays, keys, end, n))
     none: list[list[Code]] = [[] for _ in range(n_output * n_input)]
     dofs, named = with_names(path, none)
     return Contents(
@@ -215,15 +197,12 @@ def _frfs(
     called = [
         name
         for name in whole
-        if name not in spectra
-        and (_ESTIMATE.search(field_of(name)) or any(map(_FRF.search, re.split(r"[./]", name))))
+        if name not in spectra and (_ESTIMATE.search(field_of(name)) or any(map(_FRF.search, re.split(r"[./]", name))))
     ]
     free = called or [name for name in whole if name not in spectra]
     if free:
         first = max(free, key=lambda n: whole[n].size)
-        alike = [
-            n for n in free if _numberless(n) == _numberless(first) and whole[n].shape == whole[first].shape
-        ]
+        alike = [n for n in free if _numberless(n) == _numberless(first) and whole[n].shape == whole[first].shape]
         names = alike if len(alike) > 1 and max(_counts(whole[first])) == 1 else [first]
         others = [name for name in whole if name not in names][:listed]
         said = f"variable{'s' * (len(names) > 1)} {', '.join(map(repr, names))} {'are' if len(names) > 1 else 'is'}"
@@ -270,8 +249,7 @@ def _parts_along_an_axis(arrays: _Arrays) -> tuple[dict[str, Any], _Arrays, list
             if not rest or not fits or not all(part.min() < 0.0 < part.max() for part in rest):
                 continue
             names = [
-                f"{name}[{', '.join(str(k) if axis == at else ':' for axis in range(value.ndim))}]"
-                for k in (0, 1)
+                f"{name}[{', '.join(str(k) if axis == at else ':' for axis in range(value.ndim))}]" for k in (0, 1)
             ]
             keys = {key: [part] for key, part in zip(WAYS[1], names, strict=True)}
             said = f"the {'last' if at else 'first'} axis of variable {name!r} is taken as real and imaginary part"
@@ -369,9 +347,7 @@ def axis_keys(frequency: NDArray[np.float64]) -> dict[str, float]:
     return {"axis_start": float(f"{frequency[0]:.12g}"), "axis_step": float(f"{step:.12g}")}
 
 
-def _one_sided(
-    arrays: _Arrays, keys: dict[str, Any], block: NDArray[Any], guesses: list[str]
-) -> NDArray[Any]:
+def _one_sided(arrays: _Arrays, keys: dict[str, Any], block: NDArray[Any], guesses: list[str]) -> NDArray[Any]:
     """Return the lines of a block at frequencies of 0 Hz and above, where the file holds those below as well.
 
     Keys and arrays then hold the names of these parts.
@@ -403,9 +379,7 @@ def _of_sdt(arrays: _Arrays, shape: tuple[int, ...]) -> str | None:
 def _steps(arrays: _Arrays, n_line: int, guesses: list[str]) -> dict[str, float]:
     """Return the keys of frequencies that a file holds as numbers: a step and perhaps a start, or a sampling rate."""
     numbers = {
-        name: float(value.flat[0])
-        for name, value in arrays.items()
-        if value.size == 1 and not np.iscomplexobj(value)
+        name: float(value.flat[0]) for name, value in arrays.items() if value.size == 1 and not np.iscomplexobj(value)
     }
     for name, step in numbers.items():
         if _STEP.search(field_of(name)) and step > 0.0:

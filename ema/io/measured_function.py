@@ -54,9 +54,7 @@ class MeasuredFunction:
         abscissa = readonly("MeasuredFunction", "abscissa", self.abscissa, (None,))
         dtype = complex if np.iscomplexobj(self.value) else float
         object.__setattr__(self, "abscissa", abscissa)
-        object.__setattr__(
-            self, "value", readonly("MeasuredFunction", "value", self.value, abscissa.shape, dtype)
-        )
+        object.__setattr__(self, "value", readonly("MeasuredFunction", "value", self.value, abscissa.shape, dtype))
 
 
 _MOST_DIGITS = 9
@@ -83,9 +81,7 @@ def records_in(functions: Channels) -> tuple[tuple[Channels, ...], ...]:
         places = {end: [f for f, at in zip(channels, ends, strict=True) if at == end] for end in counts}
         return (tuple(tuple(of_end[k] for of_end in places.values()) for k in range(n_record)),)
     kinds = [kind for kind, _ in ends]
-    for n in (
-        n for n in range(2, len(kinds)) if len(kinds) % n == 0 and kinds == kinds[:n] * (len(kinds) // n)
-    ):
+    for n in (n for n in range(2, len(kinds)) if len(kinds) % n == 0 and kinds == kinds[:n] * (len(kinds) // n)):
         of_run: dict[frozenset[Any], list[Channels]] = defaultdict(list)
         for k in range(0, len(kinds), n):
             of_run[frozenset(ends[k : k + n])].append(channels[k : k + n])

@@ -119,9 +119,7 @@ def of_shapes(columns: Columns, decimal: str) -> Columns | None:
     if {"node", "x", "y", "z"} <= columns.keys():
         return None
     point = next((title for title in columns if _POINT.search(title)), None)
-    modes = {
-        title: match for title in columns if (match := _MODE.search(title)) is not None and title != point
-    }
+    modes = {title: match for title in columns if (match := _MODE.search(title)) is not None and title != point}
     if point is None or not modes:
         return None
     direction = next((title for title in columns if _DIRECTION.search(title) and title not in modes), None)
@@ -204,7 +202,4 @@ def _ratio(decay: str, hertz: str, decimal: str) -> str:
 
 def _polar(size: str, phase: str, decimal: str) -> tuple[str, str]:
     angle = np.deg2rad(next(_numbers([phase], decimal), np.nan))
-    return (
-        _each(size, lambda x: x * np.cos(angle), decimal),
-        _each(size, lambda x: x * np.sin(angle), decimal),
-    )
+    return (_each(size, lambda x: x * np.cos(angle), decimal), _each(size, lambda x: x * np.sin(angle), decimal))

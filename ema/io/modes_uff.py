@@ -77,9 +77,7 @@ def read_modes_uff(path: Path, geometry: Geometry) -> FoundModes:
     mass = mass_unit(sets)
     heads = [(s, _head_55(s) if s.kind == "55" else _head_2414(s)) for s in sets if s.kind in MODE_SETS]
     heads = _upper_half(_in_rad_s(path, _as_ratios(path, heads, notes), notes))
-    modes = [
-        mode for data_set, head in heads if (mode := _mode(data_set, head, geometry, mass, notes)) is not None
-    ]
+    modes = [mode for data_set, head in heads if (mode := _mode(data_set, head, geometry, mass, notes)) is not None]
     if not modes:
         held = ", ".join(sorted({s.kind for s in sets}))
         said = f" ({notes[0]})" if notes else ""
@@ -94,9 +92,7 @@ _Heads = list[tuple[DataSet, _Header]]
 
 def _as_ratios(path: Path, heads: _Heads, notes: list[str]) -> _Heads:
     """Return heads with damping ratios where a program wrote those of normal modes in per cent."""
-    if not are_percent(
-        head.damping for _, head in heads if head.analysis == _NORMAL and head.frequency > 0.0
-    ):
+    if not are_percent(head.damping for _, head in heads if head.analysis == _NORMAL and head.frequency > 0.0):
         return heads
     largest = max(head.damping for _, head in heads)
     notes.append(
@@ -114,9 +110,7 @@ def _in_rad_s(path: Path, heads: _Heads, notes: list[str], *, same: float = 0.01
             stated.append(float(title[1].upper().replace("D", "E")) / abs(head.eigenvalue) if title else 0.0)
     if not stated or np.abs(np.array(stated) - 1.0).max() > same:
         return heads
-    notes.append(
-        f"{path}: the eigenvalues are taken in Hz, not rad/s, for the titles of their data sets say so"
-    )
+    notes.append(f"{path}: the eigenvalues are taken in Hz, not rad/s, for the titles of their data sets say so")
     turn = 2.0 * np.pi
     return [(s, replace(head, eigenvalue=turn * head.eigenvalue)) for s, head in heads]
 
@@ -127,19 +121,12 @@ def _upper_half(heads: _Heads) -> _Heads:
     if not eigen or max(eigen) >= 0.0:
         return heads
     return [
-        (
-            s,
-            replace(
-                head, eigenvalue=head.eigenvalue.conjugate(), modal_a=head.modal_a.conjugate(), is_turned=True
-            ),
-        )
+        (s, replace(head, eigenvalue=head.eigenvalue.conjugate(), modal_a=head.modal_a.conjugate(), is_turned=True))
         for s, head in heads
     ]
 
 
-def _mode(
-    data_set: DataSet, head: _Header, geometry: Geometry, mass: float, notes: list[str]
-) -> FoundModes | None:
+def _mode(data_set: DataSet, head: _Header, geometry: Geometry, mass: float, notes: list[str]) -> FoundModes | None:
     """Return the mode of a data set; None where it is none."""
     if head.analysis not in (_NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND):
         what = _ANALYSES.get(head.analysis, f"analysis type {head.analysis}")
@@ -231,9 +218,7 @@ def _head_2414(data_set: DataSet) -> _Header:
     _, analysis, _, result, form, n_value = _integers(data_set, lines, 8, 6)
     modes = (_NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND)
     if analysis in modes and place != 1:
-        message = (
-            f"{data_set.where}: holds data on elements (location {place}); mode shapes are data at nodes, 1"
-        )
+        message = f"{data_set.where}: holds data on elements (location {place}); mode shapes are data at nodes, 1"
         raise MeasurementError(message)
     numbers = (*_reals(data_set, lines, 11), *[0.0] * 6)
     eigen = (*_reals(data_set, lines, 12), *[0.0] * 6)

@@ -162,9 +162,7 @@ def _joined(first: MeasuredFunction, second: MeasuredFunction, step: float) -> M
     """Return a time history that goes on in the next segment."""
     count = second.abscissa.size
     after = first.abscissa[-1] + step * np.arange(1, count + 1)
-    return replace(
-        first, abscissa=np.append(first.abscissa, after), value=np.append(first.value, second.value)
-    )
+    return replace(first, abscissa=np.append(first.abscissa, after), value=np.append(first.value, second.value))
 
 
 def _require_quotes(path: Path, layout: TableLayout, rows: list[str]) -> None:
@@ -216,9 +214,7 @@ def _functions(
     functions = []
     for group in columns:
         source = f"{path}: column {', '.join(map(str, group))}"
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # what is not finite is for the quality check to say
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
             value = _complex(layout, [table[c] for c in group]) * (1.0 if unit is None else unit.factor)
         functions.append(
             MeasuredFunction(
@@ -375,11 +371,7 @@ def _numbers(
     if layout.layout != "complex":
         try:
             table = np.loadtxt(
-                rows,
-                delimiter=SEPARATORS[layout.delimiter],
-                usecols=[c - 1 for c in columns],
-                ndmin=2,
-                comments=None,
+                rows, delimiter=SEPARATORS[layout.delimiter], usecols=[c - 1 for c in columns], ndmin=2, comments=None
             )
             if len(table) == len(rows):
                 return dict(zip(columns, table.T, strict=True))
@@ -407,6 +399,4 @@ def _complex(layout: TableLayout, columns: list[NDArray[Any]]) -> NDArray[Any]:
     first, second = columns[0].real, columns[1].real
     if layout.layout == "real-imaginary":
         return np.asarray(first + 1j * second)
-    return from_polar(
-        first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg"
-    )
+    return from_polar(first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg")

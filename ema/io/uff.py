@@ -216,9 +216,7 @@ def read_uff_geometry(path: Path, length_unit: Unit | None = None) -> tuple[Geom
     if length_unit is None and not units.stated:
         notes.append(f"{path}: no units (data set 164); coordinates are taken to be in m")
     scale = units.length if length_unit is None else length_unit.factor
-    geometry = _points(
-        parsed, scale, f"{path}: no points (15, 2411) in the file; it holds {_listed(sets)}", notes
-    )
+    geometry = _points(parsed, scale, f"{path}: no points (15, 2411) in the file; it holds {_listed(sets)}", notes)
     line = _trace_lines(parsed)
     known = np.isin(line, geometry.node).all(axis=1)
     if not known.all():
@@ -227,9 +225,7 @@ def read_uff_geometry(path: Path, length_unit: Unit | None = None) -> tuple[Geom
     return replace(geometry, line=line[known]), tuple(notes)
 
 
-def write_uff(
-    path: Path, geometry: Geometry, frf: FRF | None = None, modal_model: ModalModel | None = None
-) -> None:
+def write_uff(path: Path, geometry: Geometry, frf: FRF | None = None, modal_model: ModalModel | None = None) -> None:
     """Write points, trace lines and, if given, modes and FRFs to a universal file, in SI units.
 
     Sets 164, 2420 (where points have local axes, or directions off the axes get some), 2411, 82 and for each mode 55
@@ -261,9 +257,7 @@ def mass_unit(sets: list[DataSet]) -> float:
         Data set 164 cannot be read.
     """
     units = _file_units(_parsed([s for s in sets if s.kind == "164"]), [])
-    return (
-        units.force / units.length
-    )  # a mass of one is moved by a force of one by a length of one in a second
+    return units.force / units.length  # a mass of one is moved by a force of one by a length of one in a second
 
 
 def _listed(sets: list[DataSet]) -> str:
@@ -276,9 +270,7 @@ def _parsed(sets: list[DataSet]) -> list[tuple[str, dict[str, Any]]]:
     with tempfile.TemporaryDirectory() as folder:
         clean = Path(folder) / "clean.uff"
         for data_set in sets:
-            clean.write_bytes(
-                b"    -1\n" + data_set.kind_line.rstrip() + b"\n" + _cleaned(data_set) + b"    -1\n"
-            )
+            clean.write_bytes(b"    -1\n" + data_set.kind_line.rstrip() + b"\n" + _cleaned(data_set) + b"    -1\n")
             try:
                 content = pyuff.UFF(str(clean)).read_sets(0)
             except Exception as error:  # pyuff raises bare exceptions
@@ -297,9 +289,7 @@ def _cleaned(data_set: DataSet) -> bytes:
     for line in data_set.body.replace(b"\r", b"").splitlines():
         text = line.decode("latin-1")
         if data_set.kind == "15":
-            cells = [text[10 * i : 10 * i + 10] for i in range(4)] + [
-                text[13 * i + 40 : 13 * i + 53] for i in range(3)
-            ]
+            cells = [text[10 * i : 10 * i + 10] for i in range(4)] + [text[13 * i + 40 : 13 * i + 53] for i in range(3)]
             if all(_is_number(cell) for cell in cells):
                 text = " " + " ".join(cells)
         lines.append(re.sub("    -1$", "    -1 ", text) + "\n")
@@ -308,18 +298,11 @@ def _cleaned(data_set: DataSet) -> bytes:
 
 def _first_fault(data_set: DataSet) -> str:
     """Name the first line with a word that should be a number, or else the set as a whole."""
-    labelled = data_set.kind in (
-        "18",
-        "82",
-        "164",
-        "2420",
-    )  # these have lines of free text between the numbers
+    labelled = data_set.kind in ("18", "82", "164", "2420")  # these have lines of free text between the numbers
     for row, line in enumerate(data_set.body.splitlines(), start=1):
         words = line.decode("latin-1").split()
         if not labelled and not all(_is_number(word) for word in words):
-            return (
-                f"line {row} of the set holds {line.decode('latin-1').strip()!r}, which is not numbers only"
-            )
+            return f"line {row} of the set holds {line.decode('latin-1').strip()!r}, which is not numbers only"
     return "its records are incomplete or hold text in place of numbers"
 
 
@@ -405,9 +388,7 @@ def _other_ratio(numerator: Unit | None, denominator: Unit | None) -> str | None
     if denominator.motion is not None and numerator.motion is not None:
         return "a response over another response (a transmissibility), which has no natural frequencies of its own"
     if denominator.motion is not None and numerator.is_force:
-        return (
-            "a force over a response (a dynamic stiffness or apparent mass), whose peaks are antiresonances"
-        )
+        return "a force over a response (a dynamic stiffness or apparent mass), whose peaks are antiresonances"
     return "a force over a force" if denominator.is_force and numerator.is_force else None
 
 
@@ -459,9 +440,7 @@ def _axis_unit(record: Record58, axis: str, units: FileUnits, notes: list[str]) 
         return from_label
     single = from_label.frf is None  # a label of the whole FRF says more than the type of its numerator
     if from_type is not None and single and from_type.dimension != from_label.dimension:
-        notes.append(
-            f"{record.where}: {axis}: data type {code} contradicts the unit {label!r}; the unit is used"
-        )
+        notes.append(f"{record.where}: {axis}: data type {code} contradicts the unit {label!r}; the unit is used")
     return from_label
 
 
@@ -477,9 +456,7 @@ def _degree(record: Record58, end: str, notes: list[str]) -> tuple[int, int] | N
     return named[0]
 
 
-def _points(
-    parsed: list[tuple[str, dict[str, Any]]], scale: float, none_found: str, notes: list[str]
-) -> Geometry:
+def _points(parsed: list[tuple[str, dict[str, Any]]], scale: float, none_found: str, notes: list[str]) -> Geometry:
     systems = _systems(parsed)
     coordinate: dict[int, NDArray[np.float64]] = {}
     axes: dict[int, NDArray[np.float64]] = {}
@@ -488,9 +465,7 @@ def _points(
         if content["type"] not in (15, 2411):
             continue
         columns = [content[key] for key in ("node_nums", "def_cs", "disp_cs", "x", "y", "z")]
-        if len({len(column) for column in columns}) != 1 or not np.all(
-            np.abs(np.array(columns, float)) < _LARGEST
-        ):
+        if len({len(column) for column in columns}) != 1 or not np.all(np.abs(np.array(columns, float)) < _LARGEST):
             message = f"{where}: the records of the points are incomplete or not finite"
             raise MeasurementError(message)
         for label, defined, measured, *xyz in zip(*columns, strict=True):
@@ -500,18 +475,14 @@ def _points(
             local = np.array(xyz, float)
             position = local if system is None else local @ system.axes + system.origin
             if node in coordinate and not np.allclose(position, coordinate[node]):
-                notes.append(
-                    f"{where}: point {node} is given twice with other coordinates; the first ones are kept"
-                )
+                notes.append(f"{where}: point {node} is given twice with other coordinates; the first ones are kept")
                 continue
             coordinate[node] = position
             axes[node] = systems[int(measured)].axes if int(measured) in systems else np.eye(3)
     if not coordinate:
         raise MeasurementError(none_found)
     if unknown:
-        notes.append(
-            f"coordinate systems {sorted(unknown)} are used but not defined; taken to be the global one"
-        )
+        notes.append(f"coordinate systems {sorted(unknown)} are used but not defined; taken to be the global one")
     return Geometry(
         node=np.array(list(coordinate)),
         coordinate=np.array(list(coordinate.values())) * scale,
@@ -566,9 +537,7 @@ def _floats(value: Any) -> NDArray[np.float64]:
         return np.full(np.shape(value), np.inf)
 
 
-def _axes(
-    origin: NDArray[np.float64], on_x: NDArray[np.float64], on_xz: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _axes(origin: NDArray[np.float64], on_x: NDArray[np.float64], on_xz: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return axes (not of unit length) from the origin, a point on +x and one in the +xz plane."""
     x = on_x - origin
     y = np.cross(on_xz - origin, x)

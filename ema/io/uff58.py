@@ -147,9 +147,7 @@ def data_sets(path: Path, *, heads: bool = False) -> Iterator[DataSet]:
     """
     data = _content(path)
     n_set = 0
-    position = (
-        len(codecs.BOM_UTF8) if data[:3] == codecs.BOM_UTF8 else 0
-    )  # editors put it before the delimiter
+    position = len(codecs.BOM_UTF8) if data[:3] == codecs.BOM_UTF8 else 0  # editors put it before the delimiter
     while position < len(data):
         line, position = _line(data, position)
         if not _is_delimiter(line):
@@ -193,11 +191,7 @@ def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
     MeasurementError
         A field of the header or the data cannot be read; the message names file, data set and field.
     """
-    notes = (
-        []
-        if data_set.closed
-        else [f"{data_set.where}: not closed by a delimiter; read to the end of the file"]
-    )
+    notes = [] if data_set.closed else [f"{data_set.where}: not closed by a delimiter; read to the end of the file"]
     lines, body = _header_lines(data_set.body)
     if len(lines) < _HEADER_LINES:
         message = f"{data_set.where}: the header has {len(lines)} lines instead of {_HEADER_LINES}"
@@ -221,18 +215,14 @@ def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
     count = numbers.size // per_value
     announced = header["number of values"]
     if count < announced or numbers.size - announced * per_value >= 6:
-        notes.append(
-            f"{data_set.where}: the header announces {announced} values, the data hold {count}; all are used"
-        )
+        notes.append(f"{data_set.where}: the header announces {announced} values, the data hold {count}; all are used")
     else:
         count = announced  # what exceeds the count by less than a line fills up the last line
     if count == 0:
         message = f"{data_set.where}: no data values"
         raise MeasurementError(message)
     table = numbers[: count * per_value].reshape(count, per_value)
-    abscissa, table = (
-        (table[:, 0], table[:, 1:]) if uneven else (_even_abscissa(header, count, data_set), table)
-    )
+    abscissa, table = (table[:, 0], table[:, 1:]) if uneven else (_even_abscissa(header, count, data_set), table)
     value = table[:, 0] + 1j * table[:, 1] if ordinate in _COMPLEX else table[:, 0]
     return Record58(where=data_set.where, header=header, abscissa=abscissa, value=value, notes=tuple(notes))
 
@@ -360,9 +350,7 @@ def _decoded(text: bytes) -> str:
 def _even_abscissa(header: dict[str, Any], count: int, data_set: DataSet) -> NDArray[np.float64]:
     step = header["abscissa increment"]
     if not (np.isfinite(step) and step > 0 and np.isfinite(header["abscissa minimum"])):
-        message = (
-            f"{data_set.where}: field 'abscissa increment' must be positive for even spacing, found {step}"
-        )
+        message = f"{data_set.where}: field 'abscissa increment' must be positive for even spacing, found {step}"
         raise MeasurementError(message)
     return header["abscissa minimum"] + step * np.arange(count)
 
@@ -397,12 +385,7 @@ def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool) -> NDArr
         widths = (20,) * 4 if not uneven else (13, 20, 13, 20) if ordinate == 4 else (13, 20, 20)
     edges = np.cumsum((0, *widths))
     numbers = _converted(
-        [
-            line[start:end]
-            for line in text.splitlines()
-            for start, end in pairwise(edges)
-            if line[start:end].strip()
-        ]
+        [line[start:end] for line in text.splitlines() for start, end in pairwise(edges) if line[start:end].strip()]
     )
     if numbers is None:
         rows = enumerate(text.splitlines(), start=1)

@@ -45,9 +45,7 @@ def geometry_sets(geometry: Geometry) -> list[dict[str, Any]]:
     )  # fmt: skip
     if geometry.line.size:
         nodes = np.column_stack([geometry.line, np.zeros(len(geometry.line), dtype=int)]).ravel()[:-1]
-        sets.append(
-            {"type": 82, "trace_num": 1, "n_nodes": nodes.size, "color": 0, "id": "lines", "nodes": nodes}
-        )
+        sets.append({"type": 82, "trace_num": 1, "n_nodes": nodes.size, "color": 0, "id": "lines", "nodes": nodes})
     return sets
 
 

@@ -120,9 +120,7 @@ def parse_unit(label: str) -> Unit:
         The label is not understood; the message names the part that is not.
     """
     text = label.strip().strip("\"'").translate(_SPELLING).replace("**", "^").replace("'s", "s")  # g's
-    text = re.sub(r"(?<=[\w)]) +(?=[A-Za-z(])", "*", text.strip()).replace(
-        " ", ""
-    )  # a blank between units multiplies
+    text = re.sub(r"(?<=[\w)]) +(?=[A-Za-z(])", "*", text.strip()).replace(" ", "")  # a blank between units multiplies
     text = _METRE_PER_SECOND.sub(r"\1*s^-\2", text)
     factor, dimension, position = _product(text, 0, label)
     if not text or position != len(text):

@@ -123,9 +123,7 @@ class VariableLayout(BaseModel):
             raise ValueError(message)
         given = [key for keys in WAYS for key in keys if getattr(self, key) is not None]
         if tuple(given) not in WAYS:
-            message = (
-                "give either 'frf', the complex FRFs, or 'real' and 'imaginary', or 'magnitude' and 'phase'"
-            )
+            message = "give either 'frf', the complex FRFs, or 'real' and 'imaginary', or 'magnitude' and 'phase'"
             raise ValueError(message)
         counts = {key: len(getattr(self, key)) for key in given}
         if len(set(counts.values())) > 1:
@@ -170,9 +168,7 @@ def _require_of_histories(layout: VariableLayout) -> None:
             )
             raise ValueError(message)
     if layout.time is None and layout.sampling_Hz is None:
-        message = (
-            "time histories need 'time', the variable of their times, or their sampling rate as 'sampling_Hz'"
-        )
+        message = "time histories need 'time', the variable of their times, or their sampling rate as 'sampling_Hz'"
         raise ValueError(message)
 
 
@@ -236,12 +232,7 @@ def _each(path: Path, blocks: list[_Named]) -> Iterator[tuple[int, int, NDArray[
     for name, block in blocks:
         for i in range(block.shape[1]):
             for j in range(block.shape[2]):
-                yield (
-                    start + i,
-                    j,
-                    block[:, i, j],
-                    f"{path}: variable {name!r}, output {i + 1}, input {j + 1}",
-                )
+                yield (start + i, j, block[:, i, j], f"{path}: variable {name!r}, output {i + 1}, input {j + 1}")
         start += block.shape[1]
 
 
@@ -272,11 +263,7 @@ def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout)
 
 
 def _of_parts(
-    path: Path,
-    arrays: Mapping[str, ArrayInFile],
-    layout: VariableLayout,
-    keys: tuple[str, ...],
-    names: tuple[str, ...],
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, keys: tuple[str, ...], names: tuple[str, ...]
 ) -> NDArray[np.complex128]:
     """Return FRFs from two variables, of real and imaginary parts or of magnitudes and phases."""
     first, second = (_block(path, arrays, layout, key, name) for key, name in zip(keys, names, strict=True))
@@ -288,9 +275,7 @@ def _of_parts(
         raise MeasurementError(message)
     if keys[0] == "real":
         return np.asarray(first + 1j * second)
-    return from_polar(
-        first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg"
-    )
+    return from_polar(first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg")
 
 
 def _coherences(
@@ -314,9 +299,7 @@ def _coherences(
     return coherences
 
 
-def _block(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, key: str, name: str
-) -> NDArray[Any]:
+def _block(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, key: str, name: str) -> NDArray[Any]:
     """Return an array with the axes frequency, output, input; axes that the layout does not name have length one."""
     value = array(path, arrays, key, name)
     axes = layout.axes
@@ -400,11 +383,7 @@ def _dofs(
     point, direction = (getattr(layout, f"{end}_{what}") for what in ("point", "direction"))
     if point is None:
         return [None] * count
-    points = (
-        np.full(count, point)
-        if isinstance(point, int)
-        else _whole(path, arrays, f"{end}_point", point, count)
-    )
+    points = np.full(count, point) if isinstance(point, int) else _whole(path, arrays, f"{end}_point", point, count)
     codes = (
         np.full(count, DIRECTIONS[direction.lower()])
         if direction.lower() in DIRECTIONS
@@ -424,9 +403,7 @@ def _dofs(
     return [(int(p), int(c)) for p, c in zip(points, codes, strict=True)]
 
 
-def _whole(
-    path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, count: int
-) -> NDArray[np.float64]:
+def _whole(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, count: int) -> NDArray[np.float64]:
     """Return `count` whole numbers of a variable; one holds for all."""
     value = array(path, arrays, key, name)
     where = f"{path}: variable {name!r} ({key})"

@@ -231,9 +231,7 @@ def change(
 def _shared(states: Sequence[ModalModel], references: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
     """Return the positions of the DOFs that all have, of the references first."""
     if not states or not references:
-        raise IdentificationError(
-            "change: give at least one modal model of the state and one of its reference"
-        )
+        raise IdentificationError("change: give at least one modal model of the state and one of its reference")
     dofs = shared_dofs([*references, *states])
     if not dofs[0].size:
         names = [", ".join(model.name for model in models) for models in (states, references)]
@@ -291,9 +289,7 @@ def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes
     values = np.full((5, len(models), modes.size), np.nan)
     shape = np.full((len(models), dofs[0].size, modes.size), np.nan, dtype=complex)
     for k, (model, of_model) in enumerate(zip(models, dofs, strict=True)):
-        rows, columns = match(
-            (models[0].frequency, models[0].shape[dofs[0]]), (model.frequency, model.shape[of_model])
-        )
+        rows, columns = match((models[0].frequency, models[0].shape[dofs[0]]), (model.frequency, model.shape[of_model]))
         partner = dict(zip(rows.tolist(), columns.tolist(), strict=True))
         there = np.array([r in partner for r in modes.tolist()], dtype=bool)
         c = np.array([partner[r] for r in modes.tolist() if r in partner], dtype=np.int64)
@@ -429,12 +425,7 @@ def _only(
 
 
 def _like(
-    modes: Modes,
-    single: NDArray[np.int64],
-    matched: NDArray[np.int64],
-    number: NDArray[np.int64],
-    *,
-    twin: float = 0.8,
+    modes: Modes, single: NDArray[np.int64], matched: NDArray[np.int64], number: NDArray[np.int64], *, twin: float = 0.8
 ) -> NDArray[np.int64]:
     """Return for modes without a partner the number of the matched mode that is close by and has their shape, or -1.
 

@@ -81,9 +81,7 @@ def _moved(change: Change) -> Iterator[str]:
         if moved.size:
             size = np.abs(np.expm1(change.frequency_shift[moved]))
             scatter = _scatter(change) if first else "that scatter"
-            yield (
-                f"{_modes(change, moved)} {word} by {_range(size)}, {_between(times[moved])} times {scatter}"
-            )
+            yield (f"{_modes(change, moved)} {word} by {_range(size)}, {_between(times[moved])} times {scatter}")
             first = False
 
 

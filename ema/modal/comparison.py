@@ -144,13 +144,7 @@ def shared_dofs(models: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
 
 
 def match(
-    first: Modes,
-    second: Modes,
-    *,
-    alike: float = 0.5,
-    width: float = 0.2,
-    far: float = 0.7,
-    near: float = 0.1,
+    first: Modes, second: Modes, *, alike: float = 0.5, width: float = 0.2, far: float = 0.7, near: float = 0.1
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Match the modes of two states.
 
@@ -191,9 +185,7 @@ def clusters(frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], ...]:
     """Split modes into those that lie closer than `CLOSE` to a neighbour, each group ascending in frequency."""
     order = np.argsort(frequency, kind="stable")
     gap = np.diff(frequency[order]) / frequency[order][1:]
-    return tuple(
-        part.astype(np.int64) for part in np.split(order, np.flatnonzero(gap > CLOSE) + 1) if part.size
-    )
+    return tuple(part.astype(np.int64) for part in np.split(order, np.flatnonzero(gap > CLOSE) + 1) if part.size)
 
 
 def sine(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:

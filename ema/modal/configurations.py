@@ -110,12 +110,7 @@ def _compared(comparison: Comparison, group: NDArray[np.int64]) -> Repeats:
     )
 
 
-_KNOWN = {
-    9.80665: "g for m/s²",
-    4.448222: "N for lbf",
-    1000.0: "a prefix, as in mm",
-    2.0 * np.pi: "rad/s for Hz",
-}
+_KNOWN = {9.80665: "g for m/s²", 4.448222: "N for lbf", 1000.0: "a prefix, as in mm", 2.0 * np.pi: "rad/s for Hz"}
 """Ratios of units that are taken for each other."""
 
 
@@ -158,9 +153,7 @@ def contradicted(
     )
 
 
-def _pairs(
-    configurations: Sequence[Configuration], key: Literal["pressure", "torque"]
-) -> Iterator[tuple[int, int]]:
+def _pairs(configurations: Sequence[Configuration], key: Literal["pressure", "torque"]) -> Iterator[tuple[int, int]]:
     """Yield pairs of configurations of one stack that follow each other as pressure or torque grows."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for k, configuration in enumerate(configurations):
@@ -173,9 +166,7 @@ def _pairs(
                 yield low, high
 
 
-def _out_of_proportion(
-    configurations: Sequence[Configuration], *, in_proportion: float = 0.1
-) -> Iterator[str]:
+def _out_of_proportion(configurations: Sequence[Configuration], *, in_proportion: float = 0.1) -> Iterator[str]:
     """Say where pressure does not grow with torque as it does at the other configurations of a stack.
 
     `in_proportion`: relative difference of two pressures per torque up to which bolts and clamps are the same.
@@ -201,9 +192,7 @@ def _said(one: Configuration) -> str:
     return f"{one.name} states {one.torque:g} N m and {1e-3 * (one.pressure or 0.0):g} kPa"
 
 
-def _softer(
-    configurations: Sequence[Configuration], comparison: Comparison, *, fall: float = -2e-3
-) -> Iterator[str]:
+def _softer(configurations: Sequence[Configuration], comparison: Comparison, *, fall: float = -2e-3) -> Iterator[str]:
     """Say where a stack gets softer under more pressure or, where none is stated, more torque.
 
     `fall`: median change of the logarithms of frequencies under more pressure, below which a stack gets softer: a
@@ -226,9 +215,7 @@ def _softer(
                 )
 
 
-def _out_of_scale(
-    models: Sequence[ModalModel], comparison: Comparison, *, scale: float = 1.5
-) -> Iterator[str]:
+def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison, *, scale: float = 1.5) -> Iterator[str]:
     """Say of which configurations all functions are larger than those of the first by one factor, or turned.
 
     `scale`: ratio of the functions of two configurations from which they are not of one calibration: sensors agree to
@@ -238,10 +225,7 @@ def _out_of_scale(
         ratio = _ratios(models[0], models[k], comparison.frequency[[0, k]])
         if not ratio.size:
             continue
-        size, phase = (
-            float(np.exp(np.median(np.log(np.abs(ratio))))),
-            float(np.angle(np.sum(ratio / np.abs(ratio)))),
-        )
+        size, phase = (float(np.exp(np.median(np.log(np.abs(ratio))))), float(np.angle(np.sum(ratio / np.abs(ratio)))))
         name, first = models[k].name, models[0].name
         if abs(np.log(size)) > np.log(scale):
             yield (
@@ -283,9 +267,7 @@ def _sensor_changed(
         if number == 1 or np.bincount(sensor).min() < _FEWEST_PER_SENSOR:
             continue
         for position in range(1 if number == 2 else 0, number):  # of two, one beside the other says all
-            change = np.log(
-                np.abs(_ratio(one, other, sensor == position) / _ratio(one, other, sensor != position))
-            )
+            change = np.log(np.abs(_ratio(one, other, sensor == position) / _ratio(one, other, sensor != position)))
             median = float(np.median(change))
             error = 1.4826 * float(np.median(np.abs(change - median))) / np.sqrt(change.size)
             if abs(median) > max(gain, certain * error):
@@ -296,9 +278,7 @@ def _sensor_changed(
                 )
 
 
-def _ratio(
-    one: NDArray[np.complex128], other: NDArray[np.complex128], of: NDArray[np.bool_]
-) -> NDArray[np.complex128]:
+def _ratio(one: NDArray[np.complex128], other: NDArray[np.complex128], of: NDArray[np.bool_]) -> NDArray[np.complex128]:
     """Return for each mode what constants at some components are over others, by least squares."""
     return np.asarray(np.sum(one[of].conj() * other[of], axis=0) / np.sum(np.abs(one[of]) ** 2, axis=0))
 
@@ -323,13 +303,9 @@ def _constants(
     """
     if first.input.name(0) != other.input.name(0):
         return None
-    keys = [
-        [(int(n), *np.round(d, 4)) for n, d in zip(m.node, m.direction, strict=True)] for m in (first, other)
-    ]
+    keys = [[(int(n), *np.round(d, 4)) for n, d in zip(m.node, m.direction, strict=True)] for m in (first, other)]
     place = {key: i for i, key in enumerate(keys[1])}
-    rows = np.array(
-        [(i, place[key]) for i, key in enumerate(keys[0]) if key in place], dtype=np.int64
-    ).reshape(-1, 2)
+    rows = np.array([(i, place[key]) for i, key in enumerate(keys[0]) if key in place], dtype=np.int64).reshape(-1, 2)
     common = np.flatnonzero(np.isfinite(frequency).all(axis=0))
     if len(rows) < _FEWEST_PER_SENSOR or not common.size:
         return None
@@ -340,7 +316,5 @@ def _constants(
     if not np.all(np.any(constant[0] != 0.0, axis=0)):
         return None
     sensors = [model.sensor[row] for model, row in zip((first, other), rows.T, strict=True)]
-    one_alike = np.where(
-        sensors[0] == sensors[1], sensors[0], 0
-    )  # those that another one took there tell nothing
+    one_alike = np.where(sensors[0] == sensors[1], sensors[0], 0)  # those that another one took there tell nothing
     return constant[0], constant[1], one_alike

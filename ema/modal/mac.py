@@ -139,9 +139,7 @@ def frac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
 def _shapes(name: str, shape: ArrayLike) -> NDArray[Any]:
     array = np.asarray(shape)
     if array.ndim != 2:
-        raise ValueError(
-            f"{name}: shapes are columns of a (n_dof, n_mode) array, got {array.ndim} dimension(s)"
-        )
+        raise ValueError(f"{name}: shapes are columns of a (n_dof, n_mode) array, got {array.ndim} dimension(s)")
     return array
 
 
@@ -235,11 +233,7 @@ def check_complexity(modal_model: ModalModel) -> tuple[Verdict, ...]:
     warned = tuple(_warnings(modal_model, shapes))
     if warned:
         return warned
-    text = (
-        f"the shapes are nearly real: the lowest MPC is {shapes.mpc.min():.3f}"
-        if shapes.mpc.size
-        else "no mode"
-    )
+    text = f"the shapes are nearly real: the lowest MPC is {shapes.mpc.min():.3f}" if shapes.mpc.size else "no mode"
     return (Verdict(check="complexity", level="pass", channel=(), band=None, message=text),)
 
 

@@ -54,9 +54,7 @@ def moved_by_beyond(square: NDArray[np.float64], lost: NDArray[np.float64]) -> N
     return np.asarray(0.5 * lost * lost.mean() * np.sum(1.0 / near, axis=0))
 
 
-def loaded(
-    square: NDArray[np.float64], shape: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def loaded(square: NDArray[np.float64], shape: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the modes of a structure with masses on it; of many at once, along leading axes.
 
     Parameters
@@ -95,11 +93,7 @@ def _places(size: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def yielding(
-    pair: NDArray[np.int64],
-    size: NDArray[np.float64],
-    flexibility: NDArray[np.float64],
-    *,
-    most_yielding: float = 0.5,
+    pair: NDArray[np.int64], size: NDArray[np.float64], flexibility: NDArray[np.float64], *, most_yielding: float = 0.5
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return by what sensors move more than the modes of the band have them move, for modes above it let points yield.
 
@@ -128,9 +122,7 @@ def yielding(
     matrix[:, a, b] = matrix[:, b, a] = flexibility
     value, vector = np.linalg.eigh(matrix)
     moves = 1.0 / (1.0 - np.clip(size[:, :, None] * value[:, None], -most_yielding, most_yielding))
-    root, whole = (
-        np.einsum("nai,nri,nbi->nrab", vector, factor, vector) for factor in (np.sqrt(moves), moves)
-    )
+    root, whole = (np.einsum("nai,nri,nbi->nrab", vector, factor, vector) for factor in (np.sqrt(moves), moves))
     return root, whole
 
 
@@ -243,12 +235,7 @@ def without_sensors(
 
 
 def _fitted(
-    problem: _Problem,
-    x: NDArray[np.float64],
-    least_gain: float,
-    *,
-    max_step: int = 100,
-    converged: float = 1e-11,
+    problem: _Problem, x: NDArray[np.float64], least_gain: float, *, max_step: int = 100, converged: float = 1e-11
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the vector of least misfit near another, its covariance, and its misfit.
 
@@ -340,14 +327,7 @@ class _Problem:
         unit = yielding_beyond(modes.shape, square) if in_kg else np.zeros(n_mode)
         off = shape_std if modes.rest is not None else np.hypot(shape_std, uncertain * shift)
         return cls(
-            modes=modes,
-            given=given,
-            sought=sought,
-            rough=rough,
-            rough_shape=off * rms,
-            unit=unit,
-            size=size,
-            pair=pair,
+            modes=modes, given=given, sought=sought, rough=rough, rough_shape=off * rms, unit=unit, size=size, pair=pair
         )
 
     @property
@@ -496,9 +476,7 @@ def _off(problem: _Problem, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(-np.array([misfit[row : row + n_mode] for row in problem.rows[:-1]]) * rough)
 
 
-def _as_measured(
-    problem: _Problem, x: NDArray[np.float64], misfit: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _as_measured(problem: _Problem, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a vector with its shapes moved by what their modal constants miss of those measured."""
     n_mode = problem.rough.shape[1]
     moved = x.copy()
@@ -524,12 +502,9 @@ def _result(
     scatter = np.sum(np.where(known, off / problem.rough, 0.0) ** 2, axis=0) / freedom
     std = np.sqrt(np.diag(covariance))
     lost = np.abs(
-        np.average((2.0 * np.pi * problem.modes.frequency) ** 2, axis=0, weights=problem.rough**-2.0) / square
-        - 1.0
+        np.average((2.0 * np.pi * problem.modes.frequency) ** 2, axis=0, weights=problem.rough**-2.0) / square - 1.0
     )
-    unsure = (1.0 if problem.modes.rest is None else _UNEVEN) * moved_by_beyond(
-        square, np.where(load > 0.0, lost, 0.0)
-    )
+    unsure = (1.0 if problem.modes.rest is None else _UNEVEN) * moved_by_beyond(square, np.where(load > 0.0, lost, 0.0))
     frequency = np.sqrt(square) / (2.0 * np.pi)
     noise = 0.5 * std[:n_mode] * np.sqrt(np.maximum(scatter, 1.0))
     return BareModes(

@@ -128,9 +128,7 @@ def modal_model_of(
         frequency_std=known.frequency_std,
         damping_std=known.damping_std,
         pole=pole,
-        residue=_residues(
-            Dofs(node=modes.node, direction=modes.direction), inputs, pole, shape, known.scaled
-        ),
+        residue=_residues(Dofs(node=modes.node, direction=modes.direction), inputs, pole, shape, known.scaled),
         shape=shape,
         shape_std=np.broadcast_to(known.shape_std * rms, shape.shape),
         scaled=known.scaled,
@@ -232,11 +230,7 @@ def completed(modes: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> Foun
 
 
 def _residues(
-    outputs: Dofs,
-    inputs: Dofs,
-    pole: NDArray[np.complex128],
-    shape: NDArray[np.complex128],
-    scaled: NDArray[np.bool_],
+    outputs: Dofs, inputs: Dofs, pole: NDArray[np.complex128], shape: NDArray[np.complex128], scaled: NDArray[np.bool_]
 ) -> NDArray[np.complex128]:
     """Return residues (n_output, 1, n_mode) of mass-normalised shapes, ``phi_o phi_i / (2 i omega_d)``, else zero."""
     residue = np.zeros((*shape.shape[:1], 1, shape.shape[1]), dtype=complex)

@@ -36,9 +36,7 @@ def run_scatter(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray
     std : (n_run, n_mode) float
         Its standard deviation from noise; infinite where a run says nothing.
     """
-    return np.array(
-        [_between(v[np.isfinite(s)], s[np.isfinite(s)]) for v, s in zip(value.T, std.T, strict=True)]
-    )
+    return np.array([_between(v[np.isfinite(s)], s[np.isfinite(s)]) for v, s in zip(value.T, std.T, strict=True)])
 
 
 def _between(value: NDArray[np.float64], std: NDArray[np.float64]) -> float:
@@ -53,11 +51,7 @@ def _between(value: NDArray[np.float64], std: NDArray[np.float64]) -> float:
 
 
 def std_with_scatter(
-    std: NDArray[np.float64],
-    run_std: NDArray[np.float64],
-    scatter: NDArray[np.float64],
-    *,
-    two_sided: float = 0.975,
+    std: NDArray[np.float64], run_std: NDArray[np.float64], scatter: NDArray[np.float64], *, two_sided: float = 0.975
 ) -> NDArray[np.float64]:
     """Return standard deviations ``(n_mode,)`` of means over runs with the scatter between runs in them.
 
@@ -79,8 +73,7 @@ def std_with_scatter(
     weight = np.where(known, 1.0, 0.0)
     least = np.where(known, run_std, 1.0)
     within, both = (
-        1.0 / np.maximum(np.sum(weight / (least**2 + s**2), axis=0), np.finfo(float).tiny)
-        for s in (0.0, scatter)
+        1.0 / np.maximum(np.sum(weight / (least**2 + s**2), axis=0), np.finfo(float).tiny) for s in (0.0, scatter)
     )
     freedom = np.maximum(known.sum(axis=0) - 1.0, 1.0)
     quantile = scipy.special.stdtrit(freedom, two_sided) / scipy.special.ndtri(two_sided)
@@ -319,9 +312,7 @@ def _shift(modal_model: ModalModel, run: int) -> NDArray[np.float64]:
     return np.asarray(modal_model.run_frequency[run] / np.median(others, axis=0) - 1.0)
 
 
-def over_runs(
-    modal_model: ModalModel, run: NDArray[np.int64], sensor_mass: float, changes: RunChanges
-) -> ModalModel:
+def over_runs(modal_model: ModalModel, run: NDArray[np.int64], sensor_mass: float, changes: RunChanges) -> ModalModel:
     """Return the modes of the structure that runs of different structures stand for.
 
     Where runs disagree, frequencies and damping ratios are their medians, which one odd run does not move and which a
@@ -390,9 +381,7 @@ def _medians(modal_model: ModalModel) -> ModalModel:
     for of_mode, noise in both:
         scatter = run_scatter(of_mode, noise)
         value.append(_weighted_median(of_mode, 1.0 / (noise**2 + scatter**2)))
-        std.append(
-            std_with_scatter(np.sum(noise**-2.0, axis=0) ** -0.5, noise, scatter) * np.sqrt(0.5 * np.pi)
-        )
+        std.append(std_with_scatter(np.sum(noise**-2.0, axis=0) ** -0.5, noise, scatter) * np.sqrt(0.5 * np.pi))
     return _changed(modal_model, (value[0], value[1]), (std[0], std[1]))
 
 

@@ -48,22 +48,16 @@ def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Fig
     rows = figure.subplots(2 * chosen.size, 1, sharex=True, height_ratios=[2, 1] * chosen.size, squeeze=False)
     for k, o in enumerate(chosen):
         magnitude, phase = rows[2 * k, 0], rows[2 * k + 1, 0]
-        for value, color, width in (
-            (lines.value[o, 0], palette.MEASURED, 1.4),
-            (fitted[o, 0], palette.MODES, 0.8),
-        ):
+        for value, color, width in ((lines.value[o, 0], palette.MEASURED, 1.4), (fitted[o, 0], palette.MODES, 0.8)):
             at = _thinned(np.abs(value))
             magnitude.semilogy(lines.frequency[at], np.abs(value[at]), color=color, linewidth=width)
-            phase.plot(
-                lines.frequency[at], np.degrees(np.angle(value[at])), ".", color=color, markersize=1.5 * width
-            )
+            phase.plot(lines.frequency[at], np.degrees(np.angle(value[at])), ".", color=color, markersize=1.5 * width)
         _mark_poles((magnitude, phase), modal_model.frequency)
         magnitude.set_ylabel(UNIT[lines.quantity])
         phase.set_ylabel("phase [°]")
         phase.set_yticks([-180, 0, 180])
         magnitude.set_title(
-            f"point {lines.output.node[o]} over point {lines.input.node[0]}, "
-            f"FRAC {modal_model.correlation[o, 0]:.4f}",
+            f"point {lines.output.node[o]} over point {lines.input.node[0]}, FRAC {modal_model.correlation[o, 0]:.4f}",
             fontsize="small",
             loc="left",
         )
@@ -152,9 +146,7 @@ def draw_shape(axes: Any, modal_model: ModalModel, mode: int) -> None:
         ends[:, :2] = points[lines]
         axes.plot(*ends.reshape(-1, 3).T, color=color, linewidth=1.0)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title(
-        f"{modal_model.frequency[mode]:.4g} Hz, {100.0 * modal_model.damping[mode]:.3g} %", fontsize="small"
-    )
+    axes.set_title(f"{modal_model.frequency[mode]:.4g} Hz, {100.0 * modal_model.damping[mode]:.3g} %", fontsize="small")
 
 
 def trace_rows(geometry: Geometry) -> NDArray[np.int64]:
@@ -223,14 +215,10 @@ def comparison_figure(comparison: Comparison, at: NDArray[np.float64], label: st
             (left, comparison.frequency, comparison.frequency_std, 1.0),
             (right, comparison.damping, comparison.damping_std, 100.0),
         ):
-            axes.errorbar(
-                at[order], factor * value[order, r], 2.0 * factor * std[order, r], label=name, **style
-            )
+            axes.errorbar(at[order], factor * value[order, r], 2.0 * factor * std[order, r], label=name, **style)
     left.set(xlabel=label, ylabel="natural frequency [Hz]")
     right.set(xlabel=label, ylabel="damping ratio [%]")
-    figure.legend(
-        *left.get_legend_handles_labels(), loc="outside right center", title="mode (mean)", frameon=False
-    )
+    figure.legend(*left.get_legend_handles_labels(), loc="outside right center", title="mode (mean)", frameon=False)
     return figure
 
 
@@ -264,9 +252,7 @@ def amplitude_figure(dependence: AmplitudeDependence) -> Figure:
             "capsize": 2,
             "label": f"{frequency_text(f[0], 0)} Hz",
         }
-        left.errorbar(
-            motion, 100.0 * (f / f[0] - 1.0), 200.0 * dependence.frequency_std[seen, r] / f[0], **style
-        )
+        left.errorbar(motion, 100.0 * (f / f[0] - 1.0), 200.0 * dependence.frequency_std[seen, r] / f[0], **style)
         damping, std = dependence.damping[seen, r], dependence.damping_std[seen, r]
         right.errorbar(motion, 100.0 * damping, 200.0 * std, **style)
     label = f"displacement amplitude at {dependence.point} [µm]"
@@ -319,9 +305,7 @@ class PolePicker:
         self._pole, self._order = diagram.pole, diagram.order
         self._axes = figure.axes[0]
         self._chosen = [complex(p) for p in diagram.chosen]
-        self._marks = self._axes.plot(
-            [], [], "v", color=palette.ACCENT, transform=self._axes.get_xaxis_transform()
-        )[0]
+        self._marks = self._axes.plot([], [], "v", color=palette.ACCENT, transform=self._axes.get_xaxis_transform())[0]
         self._draw()
         figure.canvas.mpl_connect("button_press_event", self._click)
 

@@ -23,24 +23,9 @@ _COLUMNS = 3
 def modal_model_html(model: ModalModel) -> str:
     """List the modes with frequency and damping ratio, each with its standard deviation."""
     rows = [
-        (
-            str(r),
-            frequency_text(f, 2),
-            f"{fs:.2g}",
-            f"{100 * x:.3g}",
-            f"{100 * xs:.2g}",
-            "yes" if scaled else "no",
-        )
+        (str(r), frequency_text(f, 2), f"{fs:.2g}", f"{100 * x:.3g}", f"{100 * xs:.2g}", "yes" if scaled else "no")
         for r, (f, fs, x, xs, scaled) in enumerate(
-            zip(
-                model.frequency,
-                model.frequency_std,
-                model.damping,
-                model.damping_std,
-                model.scaled,
-                strict=True,
-            ),
-            1,
+            zip(model.frequency, model.frequency_std, model.damping, model.damping_std, model.scaled, strict=True), 1
         )
     ]
     return html_table(
@@ -94,9 +79,7 @@ def turnable(modal_model: ModalModel, mode: int, *, off_screen: bool | None = No
 
     n = modal_model.frequency.size
     if not 0 <= mode < n:
-        raise IdentificationError(
-            f"mode = {mode}: the modes of {modal_model.name} are numbered from 0 to {n - 1}"
-        )
+        raise IdentificationError(f"mode = {mode}: the modes of {modal_model.name} are numbered from 0 to {n - 1}")
     moved = shape_displacement(modal_model, mode)
     rest, line = modal_model.geometry.coordinate, trace_rows(modal_model.geometry)
     cells = np.column_stack([np.full(len(line), 2), line]).ravel()

@@ -178,17 +178,13 @@ def _not_finite(frf: FRF) -> Iterator[Verdict]:
 
 
 def _dead(frf: FRF, sound: NDArray[np.int64], *, dead_level: float = 1e-3) -> Iterator[Verdict]:
-    power: list[NDArray[np.float64]] = [
-        (np.abs(frf.value[block]) ** 2).mean(axis=(1, 2)) for block in in_blocks(sound)
-    ]
+    power: list[NDArray[np.float64]] = [(np.abs(frf.value[block]) ** 2).mean(axis=(1, 2)) for block in in_blocks(sound)]
     level = np.sqrt(np.concatenate([*power, np.empty(0)]))
     middle = float(np.median(level)) if sound.size else 0.0
     for channel, value in zip(sound, level, strict=True):
         constant = np.ptp(frf.value[channel].real) == 0 and np.ptp(frf.value[channel].imag) == 0
         if constant or value < dead_level * middle:
-            message = (
-                f"dead, its level is {value / middle if middle else 0:.2g} of the median of all channels"
-            )
+            message = f"dead, its level is {value / middle if middle else 0:.2g} of the median of all channels"
             yield _verdict(frf, "dead", "fail", int(channel), message)
 
 
@@ -203,15 +199,11 @@ def _formless(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
 def _clipped(frf: FRF, overload: NDArray[np.float64], sound: NDArray[np.int64]) -> Iterator[Verdict]:
     for channel in sound:
         if overload[channel] > 0:
-            message = (
-                f"clipped, {100 * overload[channel]:.2g} % of the samples are at full scale; lower the range"
-            )
+            message = f"clipped, {100 * overload[channel]:.2g} % of the samples are at full scale; lower the range"
             yield _verdict(frf, "clipped", "fail", int(channel), message)
     rest = sound[overload[sound] == 0]
     for channel, share, band in _capped(frf, rest):
-        message = (
-            f"clipped, its peaks stop at one height, {100 * share:.0f} % of what the other channels lead to"
-        )
+        message = f"clipped, its peaks stop at one height, {100 * share:.0f} % of what the other channels lead to"
         yield _verdict(frf, "clipped", "fail", channel, message, band)
 
 
@@ -350,9 +342,7 @@ def _coherence(
 ) -> Iterator[Verdict]:
     if frf.coherence is None:
         return
-    moving = (
-        frf.frequency > 0.0
-    )  # what a sensor shows at rest is its offset, and may be all the power there is
+    moving = frf.frequency > 0.0  # what a sensor shows at rest is its offset, and may be all the power there is
     for channel in sound:
         power = np.abs(frf.value[channel]) ** 2 * moving
         coherence = frf.coherence[channel]
@@ -408,9 +398,7 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
                     f"whose neighbours agree with it: the direction of the force {frf.input.name(j)} is turned; "
                     "state it the other way round"
                 )
-                yield Verdict(
-                    check="force sign", level="warn", channel=(), band=None, message=message, force=(j,)
-                )
+                yield Verdict(check="force sign", level="warn", channel=(), band=None, message=message, force=(j,))
             elif negative > 0.5:
                 message = "driving point of the wrong sign: turn the direction of the sensor or of the force"
                 yield _verdict(frf, "sign", "fail", int(channel), message)
@@ -442,9 +430,7 @@ def _fits_neighbours(measurement: Measurement, sound: NDArray[np.int64], channel
     frf = replace(
         measurement.frf,
         value=measurement.frf.value[:, [force]],
-        input=Dofs(
-            node=measurement.frf.input.node[[force]], direction=measurement.frf.input.direction[[force]]
-        ),
+        input=Dofs(node=measurement.frf.input.node[[force]], direction=measurement.frf.input.direction[[force]]),
         coherence=None,
     )
     group = next(g for g in _parallel(frf, sound) if channel in g)
@@ -494,9 +480,7 @@ def _spatial(
         turned = [c for fault in faults if fault.kind == "sign" for c in fault.channel]
         blind = undetectable_signs(frf, measurement.geometry, np.setdiff1d(direction, turned), _BELIEVED)
         if blind.size:
-            names = ", ".join(frf.output.name(int(c)) for c in blind[:6]) + (
-                ", ..." if blind.size > 6 else ""
-            )
+            names = ", ".join(frf.output.name(int(c)) for c in blind[:6]) + (", ..." if blind.size > 6 else "")
             text = f"too few points or modes to tell the sign of {blind.size} channels: {names}"
             yield Verdict(check="sign", level="warn", channel=(), band=None, message=text)
 
@@ -513,9 +497,7 @@ def _parallel(frf: FRF, sound: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]
 def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
     """Compare functions whose response and force DOFs are those of another one exchanged."""
     place = {(int(frf.output.node[c]), tuple(np.round(frf.output.direction[c], 4))): int(c) for c in sound}
-    force = [
-        (int(n), tuple(np.round(d, 4))) for n, d in zip(frf.input.node, frf.input.direction, strict=True)
-    ]
+    force = [(int(n), tuple(np.round(d, 4))) for n, d in zip(frf.input.node, frf.input.direction, strict=True)]
     for j, first in enumerate(force):
         for k, second in enumerate(force[:j]):
             if first not in place or second not in place:
@@ -528,9 +510,7 @@ def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
                 yield Verdict(check="reciprocity", level="warn", channel=pair, band=None, message=text)
 
 
-def _units(
-    measurement: Measurement, sound: NDArray[np.int64], *, lines_of_mass: int = 512
-) -> Iterator[Verdict]:
+def _units(measurement: Measurement, sound: NDArray[np.int64], *, lines_of_mass: int = 512) -> Iterator[Verdict]:
     masses = (1e-4, 1e6)
     frf = measurement.frf
     several = measurement.geometry.node.size > 1

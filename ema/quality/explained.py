@@ -57,12 +57,7 @@ class ExplainedPower:
         n_channel, n_band = len(self.channel), np.size(self.edge) - 1
         if self.power is None:
             object.__setattr__(self, "power", np.full((n_channel, n_band), 1.0 / n_band))
-        shapes = {
-            "edge": (None,),
-            "share": (n_channel, n_band),
-            "whole": (n_channel,),
-            "power": (n_channel, n_band),
-        }
+        shapes = {"edge": (None,), "share": (n_channel, n_band), "whole": (n_channel,), "power": (n_channel, n_band)}
         for name, shape in shapes.items():
             object.__setattr__(self, name, readonly("ExplainedPower", name, getattr(self, name), shape))
 
@@ -169,11 +164,7 @@ def _peaks(
     for peak in listed:
         names = listing([channel[c] for c in peak.channel], 6)
         beside = _beside(peak.frequency, modal_model)
-        where = (
-            "that no mode was found for"
-            if beside is None
-            else f"in the resonance of the mode at {beside:.5g} Hz"
-        )
+        where = "that no mode was found for" if beside is None else f"in the resonance of the mode at {beside:.5g} Hz"
         text = (
             f"the functions show a peak at {peak.frequency:.5g} Hz {where}, "
             f"{_unexplained(peak.share)}{f' (in {names})' if names else ''}: {peak.reason}"

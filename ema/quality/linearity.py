@@ -53,11 +53,7 @@ def check_force_levels(
     place = np.flatnonzero(sound)
     if not place.size:
         return ()
-    reference = replace(
-        measurement,
-        frf=measurement.frf.outputs(np.array(sound)),
-        overload=measurement.overload[place],
-    )
+    reference = replace(measurement, frf=measurement.frf.outputs(np.array(sound)), overload=measurement.overload[place])
     compared: list[Verdict] = []
     for level in levels:
         of_level = check(level, band)
@@ -71,8 +67,7 @@ def check_force_levels(
         except MeasurementError:
             continue
         compared += [
-            replace(v, channel=tuple(int(place[c]) for c in v.channel))
-            for v in check_linearity(reference, other, band)
+            replace(v, channel=tuple(int(place[c]) for c in v.channel)) for v in check_linearity(reference, other, band)
         ]
     return tuple(compared)
 
@@ -164,15 +159,13 @@ def _resonances(
         odd = np.flatnonzero(strong & (np.abs(after / before - 1 - change) > tolerance))
         moved = abs(shift) > tolerance or abs(change) > tolerance
         text = (
-            f"{label} it moves by {100 * shift:+.0f} % of its bandwidth and its height changes "
-            f"by {100 * change:+.0f} %"
+            f"{label} it moves by {100 * shift:+.0f} % of its bandwidth and its height changes by {100 * change:+.0f} %"
         )
         if moved:
             yield _verdict("warn", f"{text}{NOT_LINEAR}", band=band)
         elif odd.size:
             listed = ", ".join(
-                f"{frf.output.name(int(rows[c]))} by {100 * (after[c] / before[c] - 1):+.0f} %"
-                for c in odd[:6]
+                f"{frf.output.name(int(rows[c]))} by {100 * (after[c] / before[c] - 1):+.0f} %" for c in odd[:6]
             )
             text = f"{text}, but that of {listed}{', ...' if odd.size > 6 else ''}: check these sensors"
             yield _verdict("warn", text, tuple(int(rows[c]) for c in odd), band)
@@ -204,9 +197,7 @@ def _centre(frf: FRF, channels: NDArray[np.int64], peak: Peak) -> float:
     return peak.frequency + peak.bandwidth * float(np.clip(vertex, -0.5, 0.5))
 
 
-def _height(
-    frf: FRF, channels: NDArray[np.int64], peak: Peak, bandwidth: float | None = None
-) -> NDArray[np.float64]:
+def _height(frf: FRF, channels: NDArray[np.int64], peak: Peak, bandwidth: float | None = None) -> NDArray[np.float64]:
     """Root mean square of each channel over a bandwidth around a peak, ``(n_channel,)``."""
     lines = np.abs(frf.frequency - frf.frequency[peak.line]) <= 0.5 * (bandwidth or peak.bandwidth)
     return np.sqrt(np.mean(np.abs(frf.value[channels][..., lines]) ** 2, axis=(1, 2)))
@@ -214,8 +205,7 @@ def _height(
 
 def _keys(dofs: Dofs) -> list[tuple[int, tuple[float, ...]]]:
     return [
-        (int(n), tuple(float(v) for v in np.round(d, 4) + 0.0))
-        for n, d in zip(dofs.node, dofs.direction, strict=True)
+        (int(n), tuple(float(v) for v in np.round(d, 4) + 0.0)) for n, d in zip(dofs.node, dofs.direction, strict=True)
     ]
 
 

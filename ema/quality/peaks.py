@@ -18,9 +18,7 @@ from ema.types.arrays import in_blocks
 from ema.types.frf import DERIVATIVE, FRF, Quantity
 
 
-def find_peaks(
-    level: NDArray[np.float64], prominence: float
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def find_peaks(level: NDArray[np.float64], prominence: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the positions of peaks, (n_peak,), and their prominences, of those with at least a given one.
 
     The prominence is the height over the higher of the lowest points on both sides, before anything is higher than the
@@ -266,9 +264,7 @@ def _local_fit(
         weight = 1.0 / (x - pole)
         basis = np.linalg.qr((powers * weight).T)[0]
 
-        def rough(
-            rows: NDArray[np.complex128], basis: NDArray[np.complex128] = basis
-        ) -> NDArray[np.complex128]:
+        def rough(rows: NDArray[np.complex128], basis: NDArray[np.complex128] = basis) -> NDArray[np.complex128]:
             return np.asarray(rows - (rows @ basis.conj()) @ basis.T)
 
         without, times = rough(value * weight), rough(value * weight * x)

@@ -87,9 +87,7 @@ def phases(
     if decided.size < 2 or decided.sum() <= 0.75 * decided.size:
         return
     other = "mobility" if expected < 0 else "accelerance or receptance"
-    text = (
-        f"given as {frf.quantity}, but {decided.sum()} of {decided.size} resonances have the phase of {other}"
-    )
+    text = f"given as {frf.quantity}, but {decided.sum()} of {decided.size} resonances have the phase of {other}"
     if np.count_nonzero(resolved) >= 2:
         yield Verdict(check="unit", level="fail", channel=(), band=None, message=text)
     else:
@@ -383,9 +381,7 @@ def _covariances(
     return [np.linalg.eigh(alike * (np.exp(-square / (2 * length**2)) + trend)) for length in _LENGTHS]
 
 
-def _best(
-    covariances: list[tuple[NDArray[np.float64], NDArray[np.float64]]], field: NDArray[np.float64]
-) -> _Fit:
+def _best(covariances: list[tuple[NDArray[np.float64], NDArray[np.float64]]], field: NDArray[np.float64]) -> _Fit:
     """Return the likeliest covariance, its variance being profiled out."""
     n, r = field.shape
     best = (-np.inf, 0, 0.0)
@@ -414,9 +410,7 @@ def _hypotheses(
     hypotheses = [("sign", (int(i),), -1.0) for i in np.argsort(total - 4 * cross)[:4]]
     scale = []
     groups: list[tuple[int, ...]] = [(i,) for i in range(n)]
-    groups += [
-        tuple(np.flatnonzero(run == k).tolist()) for k in np.unique(run) if 1 < np.sum(run == k) < n / 2
-    ]
+    groups += [tuple(np.flatnonzero(run == k).tolist()) for k in np.unique(run) if 1 < np.sum(run == k) < n / 2]
     for members in groups:
         inside = coupling[np.ix_(members, members)].sum()
         across = coupling[list(members)].sum() - inside

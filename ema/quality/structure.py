@@ -37,9 +37,7 @@ class Formless:
     message: str
 
 
-def formless(
-    frf: FRF, channels: NDArray[np.int64], *, flat: float = 3.0, not_flat: float = 15.0
-) -> Iterator[Formless]:
+def formless(frf: FRF, channels: NDArray[np.int64], *, flat: float = 3.0, not_flat: float = 15.0) -> Iterator[Formless]:
     """Give outputs that are noise alone or flat beside others that are functions; of noise alone, all at once.
 
     Parameters
@@ -149,12 +147,8 @@ def repeated(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
         before = first.setdefault(digest[channel], int(channel))
         if before != channel:
             both = f"{channel_label(frf, before)} and {channel_label(frf, int(channel))}"
-            message = (
-                f"{both} hold the same values to the last digit: one is a copy of the other's file or column"
-            )
-            yield Verdict(
-                check="copied", level="warn", channel=(before, int(channel)), band=None, message=message
-            )
+            message = f"{both} hold the same values to the last digit: one is a copy of the other's file or column"
+            yield Verdict(check="copied", level="warn", channel=(before, int(channel)), band=None, message=message)
 
 
 def shared_functions(digests: Mapping[str, tuple[str, ...]], *, most: int = 3) -> tuple[str, ...]:
@@ -176,11 +170,7 @@ def shared_functions(digests: Mapping[str, tuple[str, ...]], *, most: int = 3) -
                     f"{other} and {name} share {len(common)} of {len(digests[name])} functions to the last digit: "
                     "files of one stand in the other, too, which is no second measurement"
                 )
-    more = (
-        [f"{len(sentences) - most} more pairs of configurations share functions"]
-        if len(sentences) > most
-        else []
-    )
+    more = [f"{len(sentences) - most} more pairs of configurations share functions"] if len(sentences) > most else []
     return (*sentences[:most], *more)
 
 
@@ -260,9 +250,7 @@ def _resonances(
     return np.array(numbers, dtype=np.int64), resonances
 
 
-def _alike(
-    one: NDArray[np.float64], other: NDArray[np.float64], near: float, *, same: float = 0.008
-) -> float:
+def _alike(one: NDArray[np.float64], other: NDArray[np.float64], near: float, *, same: float = 0.008) -> float:
     """Return the share of peaks that two runs have in common.
 
     `same`: relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by

@@ -36,9 +36,7 @@ class Geometry:
     def __post_init__(self) -> None:
         node = readonly("Geometry", "node", self.node, (None,), np.int64)
         object.__setattr__(self, "node", node)
-        object.__setattr__(
-            self, "coordinate", readonly("Geometry", "coordinate", self.coordinate, (node.size, 3))
-        )
+        object.__setattr__(self, "coordinate", readonly("Geometry", "coordinate", self.coordinate, (node.size, 3)))
         object.__setattr__(self, "line", readonly("Geometry", "line", self.line, (None, 2), np.int64))
         axes = self.axes if np.size(self.axes) else np.broadcast_to(np.eye(3), (node.size, 3, 3))
         object.__setattr__(self, "axes", readonly("Geometry", "axes", axes, (node.size, 3, 3)))

@@ -211,9 +211,7 @@ class ModalModel(Shown):
         return self.run_probability < level
 
 
-def synthesize(
-    modal_model: ModalModel, frequency: NDArray[np.float64], quantity: Quantity
-) -> NDArray[np.complex128]:
+def synthesize(modal_model: ModalModel, frequency: NDArray[np.float64], quantity: Quantity) -> NDArray[np.complex128]:
     """Evaluate the functions that a modal model stands for.
 
     Parameters

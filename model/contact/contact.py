@@ -65,24 +65,9 @@ def tangential_krons(
     for axis in axes:
         field, slope = directions[axis]
         krons += [
-            Kron(
-                row=field,
-                column=field,
-                z=(d.T @ over @ d).tocsr(),
-                planar=plan.form(field, field, weight=weight),
-            ),
-            Kron(
-                row=field,
-                column="w",
-                z=(d.T @ g @ a).tocsr(),
-                planar=plan.form(field, "w", ("", slope), weight),
-            ),
-            Kron(
-                row="w",
-                column="w",
-                z=(a.T @ times @ a).tocsr(),
-                planar=plan.form("w", "w", (slope, slope), weight),
-            ),
+            Kron(row=field, column=field, z=(d.T @ over @ d).tocsr(), planar=plan.form(field, field, weight=weight)),
+            Kron(row=field, column="w", z=(d.T @ g @ a).tocsr(), planar=plan.form(field, "w", ("", slope), weight)),
+            Kron(row="w", column="w", z=(a.T @ times @ a).tocsr(), planar=plan.form("w", "w", (slope, slope), weight)),
         ]
     return tuple(krons)
 
@@ -143,9 +128,7 @@ class ContactField:
         return tuple(
             kron
             for over_z, weight in self.products
-            for kron in tangential_krons(
-                self.plan, self.stack.spacing, over_z, _times(weight, modulation), axes
-            )
+            for kron in tangential_krons(self.plan, self.stack.spacing, over_z, _times(weight, modulation), axes)
         )
 
     def normal(self, modulation: Vector | float = 1.0) -> tuple[Kron, ...]:
@@ -216,9 +199,7 @@ def contact_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
 
 def _products(value: Vector, shape: tuple[int, ...]) -> list[Product]:
     found = separate(value, SEPARATION)
-    return [
-        (over_z, weight.reshape(shape)) for over_z, weight in zip(found.over_z, found.over_plan, strict=True)
-    ]
+    return [(over_z, weight.reshape(shape)) for over_z, weight in zip(found.over_z, found.over_plan, strict=True)]
 
 
 def interlayer_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:

@@ -209,9 +209,7 @@ def separate(value: Vector, tolerance: float) -> Separated:
     number of products; they are added until no value differs by more than `tolerance` of the largest.
     """
     scale = float(np.abs(value).max(initial=0.0))
-    gram = (
-        value @ value.T
-    )  # the few interfaces make this small; what squaring loses is below 1e-8 of the largest
+    gram = value @ value.T  # the few interfaces make this small; what squaring loses is below 1e-8 of the largest
     vectors = la.eigh(gram)[1][:, ::-1]
     coefficient = vectors.T @ value
     rest, n = value.copy(), 0
@@ -376,19 +374,13 @@ def press(stack: Stack) -> PressureField:
 def _pressing_of(stack: Stack) -> Pressing:
     pressing = stack.pressing
     if not isinstance(pressing, Pressing):
-        raise StackError(
-            "the stack says nothing about how it is pressed; give it a Pressing (table [pressing])"
-        )
+        raise StackError("the stack says nothing about how it is pressed; give it a Pressing (table [pressing])")
     if stack.n_lamina < 2 or sum(clamp.share for clamp in stack.clamps) <= 0.0:
-        raise StackError(
-            "the static stage needs at least two laminas and one clamp with a share of the force"
-        )
+        raise StackError("the static stage needs at least two laminas and one clamp with a share of the force")
     return pressing
 
 
-def _in_load_steps(
-    stack: Stack, problem: _Problem, plan: Plan, force: float
-) -> tuple[Vector, list[float], int]:
+def _in_load_steps(stack: Stack, problem: _Problem, plan: Plan, force: float) -> tuple[Vector, list[float], int]:
     """Put the clamps' load in place of the uniform one, step by step.
 
     Returns the deflections beyond uniform compression, the residuals of the last step, and the number of steps.
@@ -471,9 +463,7 @@ def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[fl
                 break
             length /= 2.0
         w, tangent, residual = trial, trial_tangent, trial_residual
-    raise SolveError(
-        f"the static stage did not converge in {max_newton} Newton steps; residual {residuals[-1]:.2g}"
-    )
+    raise SolveError(f"the static stage did not converge in {max_newton} Newton steps; residual {residuals[-1]:.2g}")
 
 
 def _conjugate_gradients(

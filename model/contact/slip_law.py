@@ -114,9 +114,7 @@ class SlipLaw:
         n = self.exponent + 2.0
         density, spike = self._power
         reach = np.minimum(x, 1.0)
-        slid = density * (x * reach**n / n - reach ** (n + 1.0) / (n + 1.0)) + spike * np.maximum(
-            x - 1.0, 0.0
-        )
+        slid = density * (x * reach**n / n - reach ** (n + 1.0) / (n + 1.0)) + spike * np.maximum(x - 1.0, 0.0)
         return 4.0 * slid / (np.pi * np.where(x > 0.0, x, 1.0) ** 2)
 
     @cached_property

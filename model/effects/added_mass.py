@@ -57,9 +57,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
 
 def _share(t: Theta, i: int, j: int, n: tuple[int, int]) -> Any:
-    along, across = (
-        shared_among(t[name], k, -1.0, 1.0) for name, k in zip(("added_x", "added_y"), n, strict=True)
-    )
+    along, across = (shared_among(t[name], k, -1.0, 1.0) for name, k in zip(("added_x", "added_y"), n, strict=True))
     return t["added_mass"] * along[i] * across[j]
 
 

@@ -66,9 +66,7 @@ def read_effect(path: Path) -> Effect:
     path = Path(path)
     spec = importlib.util.spec_from_file_location(f"lamella_effect_{path.stem}", path)
     if not path.is_file() or spec is None or spec.loader is None:
-        raise EffectError(
-            f"{path}: not a Python file that can be read; give one that ends in EFFECT = Effect(...)"
-        )
+        raise EffectError(f"{path}: not a Python file that can be read; give one that ends in EFFECT = Effect(...)")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

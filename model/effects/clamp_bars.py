@@ -32,8 +32,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     lengths = {clamp.x: clamp.footprint[0] for clamp in clamps_of(assembly, "clamp_bars")}
     both = 2.0 * mean_lamina(stack)
     krons = tuple(
-        Kron(row="w", column="w", z=both, planar=_bar(assembly, x, length))
-        for x, length in sorted(lengths.items())
+        Kron(row="w", column="w", z=both, planar=_bar(assembly, x, length)) for x, length in sorted(lengths.items())
     )
     return (Term(name="clamp_bars", target="K", factor=Formula(_rigidity), krons=krons),)
 

@@ -31,9 +31,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
         for axis in ("x", "y")
         for kron in shear_spring(assembly, (clamp.x, clamp.y), clamp.footprint, axis, (ahead, turned))
     )
-    return (
-        Term(name="clamp_frame", target="K", factor=Monomial(exponent={"frame_stiffness": 1}), krons=krons),
-    )
+    return (Term(name="clamp_frame", target="K", factor=Monomial(exponent={"frame_stiffness": 1}), krons=krons),)
 
 
 EFFECT = Effect(

@@ -19,12 +19,8 @@ from model.stack.effect import Effect, Parameter
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the mass of one kilogram under each clamp."""
-    krons = tuple(
-        kron for clamp in clamps_of(assembly, "clamp_mass") for kron in clamp_unit_mass(assembly, clamp)
-    )
-    return (
-        Term(name="clamp_mass", target="M", factor=Monomial(exponent={"clamp_added_mass": 1}), krons=krons),
-    )
+    krons = tuple(kron for clamp in clamps_of(assembly, "clamp_mass") for kron in clamp_unit_mass(assembly, clamp))
+    return (Term(name="clamp_mass", target="M", factor=Monomial(exponent={"clamp_added_mass": 1}), krons=krons),)
 
 
 EFFECT = Effect(

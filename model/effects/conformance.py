@@ -118,9 +118,7 @@ def _text_faults(effect: Effect) -> Iterator[str]:
             f"its label must be a noun phrase in lower case of at most {_LONGEST_LABEL} characters, such as 'clamp "
             f"rotary inertia', got {label!r}"
         )
-    alike = [
-        other.name for other in catalogue().values() if other.label == label and other.name != effect.name
-    ]
+    alike = [other.name for other in catalogue().values() if other.label == label and other.name != effect.name]
     if alike:
         yield f"its label {label!r} is that of {alike[0]} too; say what sets it apart"
     if not effect.summary.strip() or "\n" in effect.summary:
@@ -161,8 +159,7 @@ def _neutral(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str
         if abs(_added(base, assembly, target, {**theta, **neutral})).max() > 0.0:
             yield f"at its neutral value the matrix {target} is not the base model's"
         changed = changed or any(
-            abs(_added(base, assembly, target, {**theta, **strong})).max() > 0.0
-            for strong in _corners(effect)
+            abs(_added(base, assembly, target, {**theta, **strong})).max() > 0.0 for strong in _corners(effect)
         )
     if not changed:
         yield "it changes nothing at any strength"
@@ -222,9 +219,7 @@ def _frequency(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[s
         for term in _own(assembly, base):
             moves = term.factor(there) != term.factor({**there, OMEGA: 1.3 * OMEGA_REFERENCE})
             depends |= moves
-            alone |= (
-                {term.name} if moves and term.target == "M" and not isinstance(term.factor, Riding) else set()
-            )
+            alone |= {term.name} if moves and term.target == "M" and not isinstance(term.factor, Riding) else set()
     for name in sorted(alone):
         yield f"term {name!r}: a mass that depends on frequency is one on a spring, whose factor is a Riding"
     if depends != effect.frequency_dependent:
@@ -255,9 +250,7 @@ def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
     # Of five-point ones: stiff supports' rounding spoils narrow differences, kinks wide ones
     wide_step = 1e-3
     system = reduce(stack.with_effects(effect), n_snapshot=2, z_tolerance=1e-3)
-    somewhere = Observation(
-        node=np.zeros(1, int), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]])
-    )
+    somewhere = Observation(node=np.zeros(1, int), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]]))
     observed = observe(system, somewhere)
 
     def modes(values: dict[str, float], by: Sequence[str] = ()) -> Modes:
@@ -327,11 +320,7 @@ def _corners(effect: Effect) -> list[dict[str, float]]:
 def _inside(effect: Effect, assembly: Assembly) -> list[dict[str, float]]:
     """Return all parameters, the effect's inside of their ranges and the pressure off the reference."""
     return [
-        {
-            **assembly.theta,
-            "pressure": 1.3 * _PRESSURES[0],
-            **{p.name: _between(p, share) for p in effect.parameters},
-        }
+        {**assembly.theta, "pressure": 1.3 * _PRESSURES[0], **{p.name: _between(p, share) for p in effect.parameters}}
         for share in _INSIDE
     ]
 

@@ -46,9 +46,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
             partial(share, i=i, n=len(clamps)),
         )
         for i, clamp in enumerate(clamps)
-        for name, bell, share in zip(
-            ("narrow", "wide"), clamp_bells(stack, clamp), (_narrow, _wide), strict=True
-        )
+        for name, bell, share in zip(("narrow", "wide"), clamp_bells(stack, clamp), (_narrow, _wide), strict=True)
     )
     rides = (
         Term(

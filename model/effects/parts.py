@@ -41,9 +41,7 @@ def clamps_of(assembly: Assembly, effect: str) -> tuple[Clamp, ...]:
         It has none.
     """
     if not assembly.stack.clamps:
-        raise EffectError(
-            f"{effect}: the stack has no clamps; add [[clamps]] to its file, with mass_kg = 0 if need be"
-        )
+        raise EffectError(f"{effect}: the stack has no clamps; add [[clamps]] to its file, with mass_kg = 0 if need be")
     return assembly.stack.clamps
 
 
@@ -55,9 +53,7 @@ def known_or_usual_instruments(stack: Stack) -> Instruments:
     if stack.instruments is not None:
         return stack.instruments
     x = np.linspace(-0.5, 0.5, N_STATION) * stack.length
-    edges = itertools.product(
-        x, (-stack.width / 2.0, stack.width / 2.0), (-stack.height / 2.0, stack.height / 2.0)
-    )
+    edges = itertools.product(x, (-stack.width / 2.0, stack.width / 2.0), (-stack.height / 2.0, stack.height / 2.0))
     return Instruments(
         shaker=(stack.length / 2.0, stack.width / 2.0, -stack.height / 2.0), sensor=np.array(list(edges))
     )
@@ -276,9 +272,7 @@ def clamp_bells(stack: Stack, clamp: Clamp) -> tuple[Bell, Bell]:
     return partial(bell, width=cone), partial(bell, width=(spaced, spaced))
 
 
-def point_mass(
-    assembly: Assembly, effect: str, parameter: str, points: Vector, share: float = 1.0
-) -> tuple[Term, ...]:
+def point_mass(assembly: Assembly, effect: str, parameter: str, points: Vector, share: float = 1.0) -> tuple[Term, ...]:
     """Return the term of masses at points (n, 2) of the plan, spread over the height, in all directions.
 
     Each point gets a `share` of the mass that the parameter states.
@@ -344,9 +338,7 @@ def pressure_change(
     f = centred(shape(x, y), np.asarray(plan.membrane.dx), shape(*plan.membrane.mesh.p))
     field = contact_fields(assembly.stack, plan)
 
-    change, twice, squared = (
-        partial(part, name=amplitude, share=share) for part in (_once, _twice, _squared)
-    )
+    change, twice, squared = (partial(part, name=amplitude, share=share) for part in (_once, _twice, _squared))
     pressure, square_of_it = field["pressure"].tangential(f), field["pressure squared"]
     mixed = field["pressure times normal"].normal(f)
     damping = f"{effect} damping"
@@ -354,11 +346,7 @@ def pressure_change(
         again(assembly, "tangential contact", f"{effect} stiffness", change, krons=pressure),
         again(assembly, "tangential contact damping", damping, twice, krons=square_of_it.tangential(f)),
         again(
-            assembly,
-            "tangential contact damping",
-            f"{damping}, squared",
-            squared,
-            krons=square_of_it.tangential(f**2),
+            assembly, "tangential contact damping", f"{damping}, squared", squared, krons=square_of_it.tangential(f**2)
         ),
         again(assembly, "normal contact damping", f"{effect} normal damping", change, krons=mixed),
     )

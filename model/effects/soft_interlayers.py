@@ -34,9 +34,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     field = contact_fields(assembly.stack, assembly.plan)
     share = np.zeros(n)
     share[[n // 3, (2 * n) // 3]] = 1.0
-    stiffness, damping = (
-        field[name].over_interfaces(share).tangential() for name in ("pressure", "pressure squared")
-    )
+    stiffness, damping = (field[name].over_interfaces(share).tangential() for name in ("pressure", "pressure squared"))
     return (
         again(assembly, "tangential contact", "soft_interlayers", _change, krons=stiffness),
         again(assembly, "tangential contact damping", "soft_interlayers damping", _change, krons=damping),

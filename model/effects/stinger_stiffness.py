@@ -30,10 +30,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     krons = (
         square("u", row("u", point), at),
         square("v", row("v", point), at),
-        *(
-            square("w", mean_over(assembly, "w", (x, y), pad, slope), at, _LENGTH**2 / 3.0)
-            for slope in ("x", "y")
-        ),
+        *(square("w", mean_over(assembly, "w", (x, y), pad, slope), at, _LENGTH**2 / 3.0) for slope in ("x", "y")),
     )
     factor = Monomial(exponent={"stinger_lateral": 1})
     return (Term(name="stinger_stiffness", target="K", factor=factor, krons=krons),)

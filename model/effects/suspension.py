@@ -28,8 +28,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     feet = np.array([[-x, -y], [-x, y], [x, -y], [x, y]])
     strength = {"u": _SIDEWAYS, "v": _SIDEWAYS, "w": 1.0}
     krons = tuple(
-        square(field, assembly.plan.point_rows(field, feet), every_lamina(stack), strength[field])
-        for field in FIELDS
+        square(field, assembly.plan.point_rows(field, feet), every_lamina(stack), strength[field]) for field in FIELDS
     )
     factor = Monomial(exponent={"suspension_stiffness": 1})
     return (Term(name="suspension", target="K", factor=factor, krons=krons),)

@@ -40,10 +40,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     grip = (0.06, 0.015)
     stack = assembly.stack
     root = sp.diags_array(np.sqrt(stack.spacing))
-    over_z = (
-        sp.diags_array(1.0 / np.sqrt(stack.spacing)) @ jump(stack.n_lamina),
-        root @ mean(stack.n_lamina),
-    )
+    over_z = (sp.diags_array(1.0 / np.sqrt(stack.spacing)) @ jump(stack.n_lamina), root @ mean(stack.n_lamina))
 
     def beads(name: str, side: float) -> tuple[Kron, ...]:
         y = 0.5 * side * (stack.width - grip[1])
@@ -75,12 +72,7 @@ EFFECT = Effect(
     description=__doc__,
     parameters=(
         Parameter(
-            name="bead_shear",
-            unit="N",
-            nominal=100000.0,
-            lower=0.0,
-            upper=1000000.0,
-            source=f"in the middle: {_SHEAR}",
+            name="bead_shear", unit="N", nominal=100000.0, lower=0.0, upper=1000000.0, source=f"in the middle: {_SHEAR}"
         ),
         Parameter(
             name="quarter_shear",

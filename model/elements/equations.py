@@ -143,9 +143,9 @@ class Product:
 
     def derivative(self, theta: Mapping[str, float], name: str) -> float:
         """Return the derivative by the parameter `name` at `theta`."""
-        return self.first.derivative(theta, name) * self.second(theta) + self.first(
-            theta
-        ) * self.second.derivative(theta, name)
+        return self.first.derivative(theta, name) * self.second(theta) + self.first(theta) * self.second.derivative(
+            theta, name
+        )
 
     def names(self, theta: Mapping[str, float]) -> frozenset[str]:
         """Return the parameters on which either depends at `theta`."""
@@ -366,8 +366,7 @@ class Assembly:
         for term in self.terms:
             if id(term.krons) not in projected:
                 projected[id(term.krons)] = tuple(
-                    dataclasses.replace(kron, z=phi[kron.row].T @ (kron.z @ phi[kron.column]))
-                    for kron in term.krons
+                    dataclasses.replace(kron, z=phi[kron.row].T @ (kron.z @ phi[kron.column])) for kron in term.krons
                 )
         terms = tuple(dataclasses.replace(term, krons=projected[id(term.krons)]) for term in self.terms)
         n_z = {field: phi[field].shape[1] for field in FIELDS}

@@ -62,11 +62,7 @@ class PowersOnce(ElementGlobal):  # type: ignore[misc]  # skfem has no types
 
     def _powers(self, x: Any) -> dict[tuple[int, ...], list[Any]]:
         """Return all powers and their derivatives at places of each cell."""
-        every = (
-            which
-            for k in range(self.derivatives + 1)
-            for which in itertools.product(range(self.dim), repeat=k)
-        )
+        every = (which for k in range(self.derivatives + 1) for which in itertools.product(range(self.dim), repeat=k))
         size = np.broadcast_shapes(*(part.shape for part in x))
         return {which: [np.broadcast_to(power(*x), size) for power in self._pbasis[which]] for which in every}
 
@@ -183,9 +179,7 @@ class Plan:
         values = np.array([_derivative(f[0], derivative).ravel() for f in basis.basis])
         columns = np.repeat(basis.element_dofs, basis.dx.shape[1], axis=1)
         rows = np.broadcast_to(np.arange(values.shape[1]), values.shape)
-        return sp.coo_matrix(
-            (values.ravel(), (rows.ravel(), columns.ravel())), (values.shape[1], basis.N)
-        ).tocsr()
+        return sp.coo_matrix((values.ravel(), (rows.ravel(), columns.ravel())), (values.shape[1], basis.N)).tocsr()
 
     def interpolate(self, field: Field, linear: tuple[float, float, float]) -> NDArray[np.float64]:
         """Return the degrees of freedom, (size(field),), of the linear function c0 + c1 x + c2 y."""
@@ -200,17 +194,13 @@ class Plan:
             basis = self.basis(field)
             load = np.zeros((basis.N, 3))
             for i, value in enumerate((np.ones_like(x), x, y)):
-                loads = np.array(
-                    [(np.asarray(shape[0]) * value * basis.dx).sum(axis=1) for shape in basis.basis]
-                )
+                loads = np.array([(np.asarray(shape[0]) * value * basis.dx).sum(axis=1) for shape in basis.basis])
                 load[:, i] = np.bincount(basis.element_dofs.ravel(), loads.ravel(), minlength=basis.N)
             mass = self.form(field, field)
             found[field] = splinalg.splu(mass.tocsc()).solve(load)
         return found
 
-    def point_rows(
-        self, field: Field, points: NDArray[np.float64], derivative: Derivative = ""
-    ) -> sp.csr_matrix:
+    def point_rows(self, field: Field, points: NDArray[np.float64], derivative: Derivative = "") -> sp.csr_matrix:
         """Return the matrix that evaluates a field, or a derivative of it, at points of the plan.
 
         A place outside the outline, such as one on the arc beside its polygon, counts as the nearest one inside.
@@ -256,9 +246,7 @@ class Plan:
             return x, mesh.element_finder(mapping=self.membrane.mapping)(*x)
         corners = mesh.p.T[mesh.t.T]
         n_near = min(nearest, len(corners))
-        near = (
-            scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, n_near)[1].reshape(len(points), n_near)
-        )
+        near = scipy.spatial.cKDTree(corners.mean(axis=1)).query(points, n_near)[1].reshape(len(points), n_near)
         candidate = _nearest_in_triangle(points[:, None], corners[near])
         chosen = np.argmin(np.linalg.norm(candidate - points[:, None], axis=2), axis=1)
         rows = np.arange(len(points))
@@ -293,9 +281,7 @@ def rectangle(length: float, width: float, n_x: int, n_y: int, edges: Sequence[f
         Places along x, m, where elements shall end: what acts on a part of an element is met slowly as the mesh grows
         finer. Those that nearly coincide count once. Between them elements are as near to length / n_x as may be.
     """
-    mesh = skfem.MeshQuad.init_tensor(
-        _cuts(length, n_x, edges), np.linspace(-width / 2.0, width / 2.0, n_y + 1)
-    )
+    mesh = skfem.MeshQuad.init_tensor(_cuts(length, n_x, edges), np.linspace(-width / 2.0, width / 2.0, n_y + 1))
     return plan_on(mesh.p, mesh.t)
 
 

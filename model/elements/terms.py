@@ -136,9 +136,7 @@ def clamp_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
         for field in FIELDS:
             mean = sp.csr_matrix(weights @ plan.point_rows(field, points))
             krons.append(Kron(row=field, column=field, z=z, planar=(mean.T @ mean).tocsr()))
-        terms.append(
-            Term(name=f"clamp {i} mass", target="M", factor=Monomial(exponent={}), krons=tuple(krons))
-        )
+        terms.append(Term(name=f"clamp {i} mass", target="M", factor=Monomial(exponent={}), krons=tuple(krons)))
     return tuple(terms)
 
 
@@ -204,11 +202,7 @@ def held_motions(stack: Stack, plan: Plan, support: EdgeSupport | PatchSupport) 
     t = stack.pitch
     q11 = stack.material.plane_stress()[0]
     size = float(np.sqrt(plan.area / plan.membrane.mesh.t.shape[1]))
-    held = {
-        "along": q11 * t / size,
-        "across": q11 * t**3 / 12.0 / size**3,
-        "rotation": q11 * t**3 / 12.0 / size,
-    }
+    held = {"along": q11 * t / size, "across": q11 * t**3 / 12.0 / size**3, "rotation": q11 * t**3 / 12.0 / size}
     z = sp.diags_array(_held_laminas(support.laminas, stack.n_lamina)).tocsr()
     per = 1.0 if isinstance(support, EdgeSupport) else size
     found = []
@@ -262,9 +256,7 @@ def _held_laminas(laminas: str, n_lamina: int) -> NDArray[np.float64]:
     return held
 
 
-def rigid_body_modes(
-    assembly: Assembly, stack: Stack, phi: Mapping[Field, NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def rigid_body_modes(assembly: Assembly, stack: Stack, phi: Mapping[Field, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return three translations and three rotations, (assembly.size, 6).
 
     `phi` holds the through-thickness functions of the assembly's coordinates, (n_lamina, n_z) for each field: the
@@ -274,9 +266,7 @@ def rigid_body_modes(
     one = np.ones(stack.n_lamina)
 
     def planar(field: Field, function: str) -> NDArray[np.float64]:
-        return plan.interpolate(
-            field, {"1": (1.0, 0.0, 0.0), "x": (0.0, 1.0, 0.0), "y": (0.0, 0.0, 1.0)}[function]
-        )
+        return plan.interpolate(field, {"1": (1.0, 0.0, 0.0), "x": (0.0, 1.0, 0.0), "y": (0.0, 0.0, 1.0)}[function])
 
     modes = np.zeros((assembly.size, 6))
 

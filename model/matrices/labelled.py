@@ -88,9 +88,7 @@ UNITS = {
 
 def name_of(node: int, dof: int) -> str:
     """Return a label in words."""
-    return (
-        f"node {node}, {DIRECTIONS[dof - 1] if 1 <= dof <= len(DIRECTIONS) else f'degree of freedom {dof}'}"
-    )
+    return f"node {node}, {DIRECTIONS[dof - 1] if 1 <= dof <= len(DIRECTIONS) else f'degree of freedom {dof}'}"
 
 
 def key(node: Index, dof: Index) -> Index:
@@ -141,9 +139,7 @@ def symmetric(entries: Entries) -> sp.csr_matrix:
     check_labels(entries)
     if not np.isfinite(entries.value).all():
         i = int(np.argmin(np.isfinite(entries.value)))
-        refuse(
-            f"{entries.source}: entry ({_place(entries, i)}) is {entries.value[i]}; a finite number is needed"
-        )
+        refuse(f"{entries.source}: entry ({_place(entries, i)}) is {entries.value[i]}; a finite number is needed")
     n = entries.node.size
     matrix = sp.csr_matrix((entries.value, (entries.row, entries.column)), shape=(n, n))
     if matrix.nnz < entries.value.size:
@@ -265,11 +261,7 @@ def check_rows(
         if largest == 0.0:
             refuse(
                 f"the {what} matrix is zero; "
-                + (
-                    "give the material a density"
-                    if what == "mass"
-                    else "no structure vibrates without stiffness"
-                )
+                + ("give the material a density" if what == "mass" else "no structure vibrates without stiffness")
             )
         if (diagonal < -_NOTHING * largest).any():
             i = int(np.argmin(diagonal))
@@ -293,9 +285,7 @@ def check_rows(
         notes.append(f"{int(idle.sum())} rows have neither stiffness nor mass and are left out")
     massless = int((zero["mass"] & ~idle).sum())
     if massless:
-        notes.append(
-            f"{massless} rows have no mass; they follow the others statically, as the reduction takes them"
-        )
+        notes.append(f"{massless} rows have no mass; they follow the others statically, as the reduction takes them")
     return idle, notes
 
 
@@ -348,14 +338,8 @@ def check_mass(
             found = total / units.mass
             right = [u.name for u in UNITS.values() if least <= found * u.mass / stated <= 1.0 + same_mass]
             hint = f"; in {' or '.join(right)} it would be right" if right else ""
-            refuse(
-                f"in units {units.name} the matrices weigh {total:.4g} kg; total_mass_kg is {stated:.4g}{hint}"
-            )
+            refuse(f"in units {units.name} the matrices weigh {total:.4g} kg; total_mass_kg is {stated:.4g}{hint}")
     own = moved[3:, 3:] - moved[3:, :3] @ np.linalg.pinv(moved[:3, :3]) @ moved[:3, 3:]
     inertia = ", ".join(f"{value:.4g}" for value in np.diag(own))
-    along = (
-        ""
-        if np.ptp(weights) <= 1e-6 * total
-        else f" along x, y, z {', '.join(f'{w:.4g}' for w in weights)} kg:"
-    )
+    along = "" if np.ptp(weights) <= 1e-6 * total else f" along x, y, z {', '.join(f'{w:.4g}' for w in weights)} kg:"
     return f"total mass {total:.6g} kg{along}, inertia about its centre {inertia} kg m2"

@@ -21,11 +21,7 @@ Target = Literal["M", "C", "K"]
 Labels = tuple[Index, Index]  # nodes and degrees of freedom
 
 _ANSYS = dict(zip(("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), range(1, 7), strict=True))
-_NASTRAN = {
-    "K": ("KAAX", "KGGX", "KAA", "KGG"),
-    "M": ("MAAX", "MGGX", "MAA", "MGG"),
-    "C": ("BAAX", "BAA", "BGG"),
-}
+_NASTRAN = {"K": ("KAAX", "KGGX", "KAA", "KGG"), "M": ("MAAX", "MGGX", "MAA", "MGG"), "C": ("BAAX", "BAA", "BGG")}
 _FULL = {"K": 1, "M": 2}  # place of a matrix in what ansys-mapdl-reader returns
 
 
@@ -136,17 +132,13 @@ def _dof(word: str) -> int:
 def _entries(path: Path, table: NDArray[np.float64], labels: Path | None) -> Entries:
     """Return the entries of a table of row, column (from 1) and value, with labels from their file."""
     if labels is None:
-        refuse(
-            f'{path}: says no nodes; name the table of its rows, such as dofs = "dofs.csv" with node,dof,x,y,z'
-        )
+        refuse(f'{path}: says no nodes; name the table of its rows, such as dofs = "dofs.csv" with node,dof,x,y,z')
     node, dof = read_labels(labels)
     row, column = (table[:, i].astype(np.int64) - 1 for i in (0, 1))
     every = np.append(row, column) + 1
     lowest, highest = int(every.min(initial=1)), int(every.max(initial=1))
     if lowest < 1 or highest > node.size:
-        refuse(
-            f"{path}: has rows {lowest} to {highest}, and {labels} labels 1 to {node.size}; they do not match"
-        )
+        refuse(f"{path}: has rows {lowest} to {highest}, and {labels} labels 1 to {node.size}; they do not match")
     return Entries(source=str(path), node=node, dof=dof, row=row, column=column, value=table[:, 2])
 
 
@@ -157,9 +149,7 @@ def _labelled(path: Path, matrix: sp.coo_matrix, labels: Path | None) -> Entries
         refuse(f"{path}: the matrix is {what}; a real square one is needed")
     found = _entries(path, np.column_stack([matrix.row + 1, matrix.col + 1, matrix.data]), labels)
     if found.node.size != matrix.shape[0]:
-        refuse(
-            f"{path}: has {matrix.shape[0]} rows, and {labels} {found.node.size} labels; they do not match"
-        )
+        refuse(f"{path}: has {matrix.shape[0]} rows, and {labels} {found.node.size} labels; they do not match")
     return found
 
 
@@ -181,9 +171,7 @@ def _array(path: Path, name: str) -> sp.coo_matrix:
     if not name and len(arrays) == 1:
         name = next(iter(arrays))
     if name not in arrays or np.ndim(arrays[name]) != 2:
-        refuse(
-            f"{path}: holds no matrix {name!r}; name one of {', '.join(sorted(arrays))} as {path.name}#NAME"
-        )
+        refuse(f"{path}: holds no matrix {name!r}; name one of {', '.join(sorted(arrays))} as {path.name}#NAME")
     matrix = arrays[name]
     kept = matrix if sp.issparse(matrix) else np.asarray(matrix)
     return sp.coo_matrix(kept.astype(complex if np.iscomplexobj(kept) else float))
@@ -193,9 +181,7 @@ def _from_pairs(path: Path, one: Index, two: Index, value: NDArray[np.float64]) 
     """Return entries whose rows and columns are given by labels, each (m, 2): node and degree of freedom."""
     labels, number = np.unique(np.concatenate([one, two]), axis=0, return_inverse=True)
     number = number.reshape(2, -1)
-    return Entries(
-        source=str(path), node=labels[:, 0], dof=labels[:, 1], row=number[0], column=number[1], value=value
-    )
+    return Entries(source=str(path), node=labels[:, 0], dof=labels[:, 1], row=number[0], column=number[1], value=value)
 
 
 def _abaqus(path: Path, text: str) -> Entries:
@@ -239,9 +225,7 @@ def _nastran(path: Path, name: str, target: Target) -> Entries:
         refuse(f"{path}: holds no matrix {name or target}; there are {', '.join(found) or 'none'}")
     form, table = found[wanted[0]]
     if form not in (1, 6) or not table:
-        refuse(
-            f"{path}: matrix {wanted[0]} has form {form}; a filled square (1) or symmetric (6) one is needed"
-        )
+        refuse(f"{path}: matrix {wanted[0]} has form {form}; a filled square (1) or symmetric (6) one is needed")
     if wanted[0] in complex_ones:
         refuse(
             f"{path}: matrix {wanted[0]} is complex; write it without structural damping (PARAM,G and GE), for a real "

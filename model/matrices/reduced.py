@@ -152,8 +152,7 @@ class ReducedMatrices:
         each = np.split(energy, np.cumsum([value.size for value in values])[:-1])
         shift = _shift(self.structure)
         return [
-            float(np.max(own / (2.0 * (value + shift)), initial=0.0))
-            for own, value in zip(each, values, strict=True)
+            float(np.max(own / (2.0 * (value + shift)), initial=0.0)) for own, value in zip(each, values, strict=True)
         ]
 
     def _unbalanced(self, x: Vectors, value: Vectors, theta: Mapping[str, float]) -> Vectors:
@@ -165,9 +164,7 @@ class ReducedMatrices:
                 found += (term.matrix @ x) * (factor if term.target == "K" else -factor * value)
         return found
 
-    def solve(
-        self, theta: Mapping[str, float] | None = None, n_mode: int | None = None
-    ) -> tuple[Vectors, Vectors]:
+    def solve(self, theta: Mapping[str, float] | None = None, n_mode: int | None = None) -> tuple[Vectors, Vectors]:
         """Return frequencies, (n_mode,) Hz, and mass-normalised vectors, (size, n_mode), at some parameters.
 
         Raises
@@ -192,10 +189,7 @@ class ReducedMatrices:
 
 
 def reduce_matrices(
-    structure: MatrixStructure,
-    theta: Mapping[str, float] | None = None,
-    *,
-    beside: ReducedMatrices | None = None,
+    structure: MatrixStructure, theta: Mapping[str, float] | None = None, *, beside: ReducedMatrices | None = None
 ) -> ReducedMatrices:
     """Reduce a structure to its modes up to 1.5 times its band and to static responses.
 
@@ -223,9 +217,7 @@ def reduce_matrices(
     factor = _factored(structure, stiffness + shift * mass)
     modes, value = _modes(mass, factor, shift, structure.band_Hz)
     if value[0] < -_NEGATIVE * shift:
-        refuse(
-            f"{structure.name}: the stiffness is negative along the lowest mode; is it that of a buckled state?"
-        )
+        refuse(f"{structure.name}: the stiffness is negative along the lowest mode; is it that of a buckled state?")
     _check_rigid(structure, stiffness, mass, value)
     loads, answers = _responses(structure, factor, modes, value)
     basis = np.hstack([modes, _beside(modes, answers, loads, mass, shift)])
@@ -346,8 +338,7 @@ def _check_rigid(structure: MatrixStructure, stiffness: Any, mass: Any, value: V
     weight = np.einsum("ij,ij->j", motion, mass @ motion)
     moves = np.sqrt(np.maximum(energy, 0.0) / np.where(weight > 0.0, weight, np.inf)) / (2.0 * np.pi)
     words = ", ".join(
-        f"{name} {f:.3g} Hz"
-        for name, f in zip(("x", "y", "z", "about x", "about y", "about z"), moves, strict=True)
+        f"{name} {f:.3g} Hz" for name, f in zip(("x", "y", "z", "about x", "about y", "about z"), moves, strict=True)
     )
     refuse(
         f"{structure.name}: rigid_modes = {stated}, and {found} modes are near 0 (the lowest: "
@@ -401,9 +392,7 @@ def _beside(
     return np.asarray(beside @ (turn[:, kept] / np.sqrt(size[kept])))
 
 
-def _missing_compliance(
-    found: ReducedMatrices, load: Vectors, answer: Vectors, basis: Vectors, shift: float
-) -> float:
+def _missing_compliance(found: ReducedMatrices, load: Vectors, answer: Vectors, basis: Vectors, shift: float) -> float:
     """Return the largest share of a point's compliance at the shift that the reduction lacks."""
     if not load.shape[1]:
         return 0.0
@@ -453,12 +442,7 @@ class Places:
 
 
 def places_on(
-    structure: MatrixStructure,
-    number: Index,
-    location: Vectors,
-    direction: Vectors,
-    *,
-    tolerance: float = 0.01,
+    structure: MatrixStructure, number: Index, location: Vectors, direction: Vectors, *, tolerance: float = 0.01
 ) -> Places:
     """Place measured components on a structure.
 
@@ -537,9 +521,7 @@ def _near(
     mesh = np.sort(np.linalg.norm(place[near] - place[near[:, :1]], axis=2), axis=1)[:, min(3, k - 1)]
     within = np.clip(location, place.min(axis=0), place.max(axis=0))
     beyond = np.linalg.norm(location - within, axis=1)
-    cells = np.linalg.norm((place[near] - within[:, None]) / spacing, axis=2).min(
-        axis=1
-    )  # of a mesh of planes
+    cells = np.linalg.norm((place[near] - within[:, None]) / spacing, axis=2).min(axis=1)  # of a mesh of planes
     allowed = np.where(cells > 1.0, np.maximum(tolerance, mesh), np.inf)
     far = np.maximum(distance.min(axis=1) - allowed, beyond - np.maximum(tolerance, mesh))
     weight, slope = np.zeros((n, k)), np.zeros((n, k))

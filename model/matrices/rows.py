@@ -127,9 +127,7 @@ def _deck(path: Path) -> tuple[dict[int, tuple[float, ...]], dict[str, list[int]
             continue
         if line.startswith("*"):
             keyword = words[0].upper()
-            options = {
-                k.strip().upper(): v.strip().upper() for k, _, v in (one.partition("=") for one in words[1:])
-            }
+            options = {k.strip().upper(): v.strip().upper() for k, _, v in (one.partition("=") for one in words[1:])}
             name = options.get("NSET", "")
             if keyword == "*INCLUDE":
                 further, more = _deck(path.parent / dict(_pairs(words[1:]))["INPUT"])
@@ -148,9 +146,7 @@ def _pairs(words: list[str]) -> list[tuple[str, str]]:
     return [(k.strip().upper(), v.strip().strip('"')) for k, _, v in (one.partition("=") for one in words)]
 
 
-def _members(
-    path: Path, line: int, words: list[str], generate: bool, sets: dict[str, list[int]]
-) -> list[int]:
+def _members(path: Path, line: int, words: list[str], generate: bool, sets: dict[str, list[int]]) -> list[int]:
     """Return the nodes of a line of *NSET: numbers, names of other sets, or first, last and step."""
     if generate:
         first, last, *step = (_whole(path, line, word) for word in words if word)
@@ -172,9 +168,7 @@ def _grids(path: Path) -> dict[int, tuple[float, ...]]:
         if fields[0].upper() == "GRID*" and i + 1 < len(lines):
             fields = [*fields[:5], *_fields(lines[i + 1])[1:]]
         if fields[2] not in ("", "0") or (len(fields) > 6 and fields[6] not in ("", "0")):
-            refuse(
-                f"{path}: line {i + 1}: grid {fields[1]} has a coordinate system; only basic coordinates are read"
-            )
+            refuse(f"{path}: line {i + 1}: grid {fields[1]} has a coordinate system; only basic coordinates are read")
         table[_whole(path, i + 1, fields[1])] = _place(path, i + 1, fields[3:6])
     return table
 
@@ -379,9 +373,7 @@ def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> 
         refuse(f"group {given.name}: set and box_mm need a file of nodes; name it by matrices.nodes")
     elif given.set is not None:
         if given.set.upper() not in nodes.sets:
-            refuse(
-                f"group {given.name}: no set {given.set}; the nodes' file has {', '.join(nodes.sets) or 'none'}"
-            )
+            refuse(f"group {given.name}: no set {given.set}; the nodes' file has {', '.join(nodes.sets) or 'none'}")
         found = nodes.sets[given.set.upper()]
     else:
         low, high = np.array(given.box_mm).T * 1e-3
@@ -390,7 +382,5 @@ def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> 
     known = used if nodes is None else nodes.number
     missing = found[~np.isin(found, known)]
     if missing.size or not found.size:
-        refuse(
-            f"group {given.name}: " + (f"there is no node {missing[0]}" if missing.size else "holds no node")
-        )
+        refuse(f"group {given.name}: " + (f"there is no node {missing[0]}" if missing.size else "holds no node"))
     return np.unique(found)

@@ -188,9 +188,7 @@ def _kept(found: MatrixStructure, rows: NDArray[np.bool_]) -> MatrixStructure:
     return replace(found, node=found.node[rows], dof=found.dof[rows], location=place, terms=terms)
 
 
-def _odd_density(
-    mass: float, box: float, given: StructureForm, *, least: float = 1e-3, most: float = 3e4
-) -> list[str]:
+def _odd_density(mass: float, box: float, given: StructureForm, *, least: float = 1e-3, most: float = 3e4) -> list[str]:
     """Say that no structure is so light or so heavy: its units are others than stated.
 
     Parameters
@@ -253,16 +251,12 @@ def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -
         parts[target] = rows.matrix(file, target)
         if given.multiplied_by is not None:
             if given.multiplied_by == 1.0 or target not in whole:
-                refuse(
-                    f"term {given.name}: multiplied_by needs a factor other than 1 and a matrix to compare with"
-                )
+                refuse(f"term {given.name}: multiplied_by needs a factor other than 1 and a matrix to compare with")
             parts[target] = (parts[target] - whole[target]) / (given.multiplied_by - 1.0)
     if given.group is not None:
         amounts: dict[Target, float | None] = {"K": given.spring_N_m, "M": given.mass_kg}
         share = rows.share(given.group, given.directions)
-        parts.update(
-            {t: sp.csr_matrix(sp.diags_array(share * a)) for t, a in amounts.items() if a is not None}
-        )
+        parts.update({t: sp.csr_matrix(sp.diags_array(share * a)) for t, a in amounts.items() if a is not None})
     if not parts:
         refuse(f"term {given.name}: give stiffness, mass or damping, or a group with spring_N_m or mass_kg")
     return parts
@@ -273,6 +267,4 @@ def _factor(given: TermForm) -> Factor:
     upper = float("inf") if given.upper is None else given.upper
     if not lower <= given.nominal <= upper or (given.scale == "log" and given.nominal <= 0.0):
         refuse(f"term {given.name}: nominal {given.nominal:g} must lie between {lower:g} and {upper:g}")
-    return Factor(
-        name=given.name, nominal=given.nominal, std=given.std, scale=given.scale, lower=lower, upper=upper
-    )
+    return Factor(name=given.name, nominal=given.nominal, std=given.std, scale=given.scale, lower=lower, upper=upper)

@@ -53,9 +53,7 @@ def kind_of(path: Path) -> str:
     return suffixes[-1] if suffixes else ""
 
 
-def numbers(
-    path: Path, text: str, n_column: int, form: str, delimiter: str | None = None
-) -> NDArray[np.float64]:
+def numbers(path: Path, text: str, n_column: int, form: str, delimiter: str | None = None) -> NDArray[np.float64]:
     """Return a table of numbers, (n, n_column).
 
     Raises

@@ -105,9 +105,7 @@ def chosen_interfaces(n: int, most: int) -> tuple[NDArray[np.intp], Vector]:
     """
     if n <= most:
         return np.arange(n), np.ones(n)
-    place = np.unique(np.rint(0.5 * (n - 1) * (1.0 - np.cos(np.pi * (np.arange(most) + 0.5) / most)))).astype(
-        np.intp
-    )
+    place = np.unique(np.rint(0.5 * (n - 1) * (1.0 - np.cos(np.pi * (np.arange(most) + 0.5) / most)))).astype(np.intp)
     z = (2.0 * np.arange(n) - n + 1.0) / (n - 1.0)
     every = np.polynomial.legendre.legvander(z, place.size - 1)
     return place, np.linalg.solve(every[place].T, every.sum(axis=0))
@@ -200,9 +198,7 @@ def backbone(
 
 def _steady(theta: dict[str, float]) -> dict[str, float]:
     if OMEGA in theta:
-        raise SolveError(
-            "a mode over amplitude is not solved beside effects that depend on frequency; leave them out"
-        )
+        raise SolveError("a mode over amplitude is not solved beside effects that depend on frequency; leave them out")
     return theta
 
 
@@ -250,9 +246,7 @@ class _Contact:
         return np.asarray(sum((lost * own) @ rows for own, rows in zip(strain, self.rows, strict=True)))
 
 
-def _along(
-    eigenvalues: Vector, contact: _Contact, amplitude: Vector, mode: int
-) -> list[tuple[float, float, Vector]]:
+def _along(eigenvalues: Vector, contact: _Contact, amplitude: Vector, mode: int) -> list[tuple[float, float, Vector]]:
     """Return amplitude, eigenvalue and shape of a mode at rest and at each amplitude."""
     along = [(0.0, float(eigenvalues[mode]), np.eye(eigenvalues.size)[mode])]
     for a in amplitude.tolist():
@@ -273,9 +267,7 @@ def _followed(
     if found is not None:
         return found
     if depth == most_halves:
-        raise SolveError(
-            f"at a modal amplitude of {a:g} m sqrt(kg) so much slips that the mode cannot be followed"
-        )
+        raise SolveError(f"at a modal amplitude of {a:g} m sqrt(kg) so much slips that the mode cannot be followed")
     halfway = np.sqrt(max(before[0], first_step * a) * a)
     middle = _followed(eigenvalues, contact, float(halfway), before, depth + 1)
     return _followed(eigenvalues, contact, a, middle, depth + 1)
@@ -285,9 +277,7 @@ def _settled(
     eigenvalues: Vector, contact: _Contact, a: float, before: tuple[float, float, Vector]
 ) -> tuple[float, float, Vector] | None:
     """Return the solution of the nonlinear eigenproblem next to another one; None where there is none next to it."""
-    settled = (
-        1e-4  # change of a unit shape and of an eigenvalue: of the next of Newton's steps it is the square
-    )
+    settled = 1e-4  # change of a unit shape and of an eigenvalue: of the next of Newton's steps it is the square
     near = 0.9  # cosine between shapes at two amplitudes, of which the second is sought from the first
     _, value, shape = before
     for _ in range(_MOST_STEPS):
@@ -315,9 +305,7 @@ def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[floa
     value = complex(start)
     u: NDArray[np.complex128] = shape.astype(complex)
     tangent = contact.softened(a * shape)[1] if a else 0.0
-    bordered = np.block(
-        [[linear.real - start * np.eye(u.size) - tangent, -shape[:, None]], [shape, np.zeros(1)]]
-    )
+    bordered = np.block([[linear.real - start * np.eye(u.size) - tangent, -shape[:, None]], [shape, np.zeros(1)]])
     inverse = np.linalg.inv(bordered)
     for _ in range(most_loss_steps):
         rest = linear @ u - value * u - (contact.cycle(a * u) / a if a else 0.0)
@@ -325,6 +313,4 @@ def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[floa
         value, u = value + step[-1], u + step[:-1]
         if abs(step[-1]) <= settled_loss * abs(value):
             return value
-    raise SolveError(
-        f"at a modal amplitude of {a:g} m sqrt(kg) so much is lost that the mode does not settle"
-    )
+    raise SolveError(f"at a modal amplitude of {a:g} m sqrt(kg) so much is lost that the mode does not settle")

@@ -92,9 +92,7 @@ class Derivatives:
         axis = {"coordinate": 1, "d_shape": 1}
         return Derivatives(
             **{
-                f.name: function(
-                    axis.get(f.name, 0), getattr(self, f.name), *(getattr(o, f.name) for o in others)
-                )
+                f.name: function(axis.get(f.name, 0), getattr(self, f.name), *(getattr(o, f.name) for o in others))
                 for f in dataclasses.fields(self)
             }
         )
@@ -180,9 +178,7 @@ def own_derivatives(
     found, image = _images(system, theta, names, shape[:, None])
     slopes, damped = {target: own[:, :, 0].T for target, own in found.items()}, image[:, 0]
     unbalanced = slopes["K"] - eigenvalue * slopes["M"]
-    answer = orthogonal_answers(
-        stiffness - eigenvalue * mass, mass @ shape, np.column_stack([-unbalanced, damped])
-    )
+    answer = orthogonal_answers(stiffness - eigenvalue * mass, mass @ shape, np.column_stack([-unbalanced, damped]))
     d_shape = answer[:, :-1] - 0.5 * np.outer(shape, shape @ slopes["M"])
     return Derivatives(
         eigenvalue=np.array([eigenvalue]),
@@ -232,9 +228,7 @@ def _images(
             own.slopes[term.target][j] += np.multiply(share, known[id(term.matrix)])
         if any(factor):
             own.damped += np.multiply(factor, known[id(term.matrix)])
-    slopes: dict[Target, NDArray[np.float64]] = {
-        t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")
-    }
+    slopes: dict[Target, NDArray[np.float64]] = {t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")}
     damped = np.zeros(shape.shape)
     for own in sums.values():
         own.add_to(slopes, damped)
@@ -298,9 +292,7 @@ class ElasticModes:
             return np.column_stack([own.shape for own in self.settled])
         return self.vectors[:, self.mode.start : self.mode.stop]
 
-    def derivatives(
-        self, wanted: NDArray[np.bool_], names: tuple[str, ...], rows: NDArray[np.float64]
-    ) -> Derivatives:
+    def derivatives(self, wanted: NDArray[np.bool_], names: tuple[str, ...], rows: NDArray[np.float64]) -> Derivatives:
         """Return the wanted ones with their derivatives, each with the matrices at its own frequency."""
         which = np.array(self.mode, dtype=np.intp)[wanted]
         pairs = self.eigenvalues, self.vectors
@@ -420,11 +412,7 @@ class _Settled:
 
     @classmethod
     def of(
-        cls,
-        moving: _OverFrequency,
-        eigenvalues: NDArray[np.float64],
-        vectors: NDArray[np.float64],
-        mode: int,
+        cls, moving: _OverFrequency, eigenvalues: NDArray[np.float64], vectors: NDArray[np.float64], mode: int
     ) -> _Settled:
         """Follow one mode by its shape to its own frequency.
 
@@ -448,9 +436,7 @@ class _Settled:
             shape = better / np.sqrt(better @ mass @ better)
         else:
             hertz = omega / 2 / np.pi
-            raise SolveError(
-                f"mode {mode}: its frequency-dependent stiffness does not settle near {hertz:.6g} Hz"
-            )
+            raise SolveError(f"mode {mode}: its frequency-dependent stiffness does not settle near {hertz:.6g} Hz")
         near = np.abs(eigenvalues - eigenvalues[mode]) < twin * eigenvalues[mode]
         return cls(
             theta={**moving.theta, OMEGA: omega},
@@ -461,15 +447,11 @@ class _Settled:
             twin=bool(np.count_nonzero(near) > 1),
         )
 
-    def derivatives(
-        self, system: ReducedEquations, names: tuple[str, ...], rows: NDArray[np.float64]
-    ) -> Derivatives:
+    def derivatives(self, system: ReducedEquations, names: tuple[str, ...], rows: NDArray[np.float64]) -> Derivatives:
         """Return the mode with its derivatives."""
         every = (*names, OMEGA)
         if self.twin:
-            values, basis = la.eigh(
-                self.stiffness, self.mass
-            )  # only beside all modes are twins resolved from it
+            values, basis = la.eigh(self.stiffness, self.mass)  # only beside all modes are twins resolved from it
             index = np.array([np.argmax(np.abs(basis.T @ (self.mass @ self.shape)))])
             own = mode_derivatives(system, self.theta, every, values, basis, index, rows)
         else:

@@ -66,9 +66,7 @@ class Observation:
             )
 
 
-def sample_points(
-    stack: Stack, location: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def sample_points(stack: Stack, location: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return where the model is sampled for given places: the nearest point of the nearest lamina mid-plane.
 
     Parameters
@@ -132,9 +130,7 @@ def observe(system: ReducedEquations, observation: Observation | Observed) -> Ob
     if isinstance(observation, Observed):
         return observation
     if not isinstance(system, ReducedSystem):
-        raise TypeError(
-            "observe: these equations alone know no points; tie the observation to their ReducedSystem"
-        )
+        raise TypeError("observe: these equations alone know no points; tie the observation to their ReducedSystem")
     sampled, _ = sample_points(system.stack, observation.location)
     lamina = nearest_lamina(system.stack, sampled[:, 2])
     parts = [
@@ -143,10 +139,7 @@ def observe(system: ReducedEquations, observation: Observation | Observed) -> Ob
     ]
     rows = (parts[0] + parts[1] + parts[2]).tocsr()
     return Observed(
-        node=observation.node,
-        direction=observation.direction,
-        rows=rows,
-        reduced_rows=np.asarray(rows @ system.basis),
+        node=observation.node, direction=observation.direction, rows=rows, reduced_rows=np.asarray(rows @ system.basis)
     )
 
 
@@ -282,9 +275,7 @@ def solve_modes(
     eigenvalues, vectors, n_rigid = reduced_eigenpairs(system, theta, n_mode)
     observed = observe(system, observation)
     names = tuple(name for name in theta if name != OMEGA and (by is None or name in by))
-    rigid = Derivatives.steady(
-        eigenvalues[:n_rigid], vectors[:, :n_rigid], len(observed.reduced_rows), len(names)
-    )
+    rigid = Derivatives.steady(eigenvalues[:n_rigid], vectors[:, :n_rigid], len(observed.reduced_rows), len(names))
     elastic = elastic_modes(system, theta, eigenvalues, vectors, range(n_rigid, n_mode))
     found = Derivatives.joined([rigid, _derivatives(elastic, names, observed.reduced_rows, differentiated)])
     return _modes(found, observed, names, n_rigid, outside_ranges(system, theta))
@@ -321,8 +312,7 @@ def _modes(
         n_rigid=n_rigid,
         parameter=names,
         frequency_gradient=d_omega / (2.0 * np.pi),
-        damping_gradient=found.d_modal_damping / (2.0 * safe[:, None])
-        - damping[:, None] * d_omega / safe[:, None],
+        damping_gradient=found.d_modal_damping / (2.0 * safe[:, None]) - damping[:, None] * d_omega / safe[:, None],
         shape_gradient=found.d_shape,
         coordinate=found.coordinate,
         outside=outside,
@@ -340,18 +330,14 @@ def reduced_eigenpairs(
         More modes are asked for than the reduced system has, the stiffness is negative, or the mass is not positive.
     """
     if not 0 < n_mode <= system.size:
-        raise SolveError(
-            f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system"
-        )
+        raise SolveError(f"n_mode = {n_mode} must lie between 1 and {system.size}, the size of the reduced system")
     try:
         eigenvalues, vectors = la.eigh(system.matrix("K", theta), system.matrix("M", theta))
     except la.LinAlgError as error:
         raise SolveError(f"the mass at {theta} is not positive") from error
     rigid_limit = _rigid_limit(system, theta, eigenvalues)
     if eigenvalues[0] < -rigid_limit:
-        raise SolveError(
-            f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2"
-        )
+        raise SolveError(f"the stiffness at {theta} is negative: lowest eigenvalue {eigenvalues[0]:.3g} (rad/s)**2")
     return eigenvalues, vectors, int(np.count_nonzero(eigenvalues[:n_mode] < rigid_limit))
 
 
@@ -377,21 +363,14 @@ def full_parameters(
     return {**system.theta, **given, "G_f": G_f, "d_f": d_f}
 
 
-def _rigid_limit(
-    system: ReducedEquations, theta: Mapping[str, float], eigenvalues: NDArray[np.float64]
-) -> float:
+def _rigid_limit(system: ReducedEquations, theta: Mapping[str, float], eigenvalues: NDArray[np.float64]) -> float:
     """Return the eigenvalue, (rad/s)**2, below which all is rounding around rigid-body motion."""
     rigid = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
     return max(rigid * abs(shear_shift(system.stack, theta)), _ROUNDING * float(eigenvalues[-1]))
 
 
 def complex_modes(
-    system: ReducedEquations,
-    *,
-    G_f: float,
-    d_f: float,
-    n_mode: int = 12,
-    parameters: Mapping[str, float] | None = None,
+    system: ReducedEquations, *, G_f: float, d_f: float, n_mode: int = 12, parameters: Mapping[str, float] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Solve the complex eigenproblem of the reduced system, without assuming proportional damping.
 
@@ -469,15 +448,10 @@ def mode_surface(system: ReducedSystem, modes: Modes, mode: int, *, lamina: Sequ
     displacement = np.empty((chosen.size, len(point), 3))
     for axis, field in enumerate(FIELDS):
         over = coordinate[assembly.slices()[field]].reshape(assembly.n_z[field], -1)
-        displacement[:, :, axis] = (
-            system.phi[field][chosen] @ (assembly.plan.point_rows(field, point) @ over.T).T
-        )
+        displacement[:, :, axis] = system.phi[field][chosen] @ (assembly.plan.point_rows(field, point) @ over.T).T
     location = np.empty_like(displacement)
     location[:, :, :2] = point
     location[:, :, 2] = stack.lamina_z[chosen, None]
     return Surface(
-        location=location,
-        displacement=displacement,
-        element=mesh.t.T,
-        edge=mesh.facets[:, mesh.boundary_facets()].T,
+        location=location, displacement=displacement, element=mesh.t.T, edge=mesh.facets[:, mesh.boundary_facets()].T
     )

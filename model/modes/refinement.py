@@ -25,14 +25,7 @@ from numpy.typing import NDArray
 from lamella_shared import arrays
 from model.elements.equations import Assembly, Kron
 from model.elements.mesh import FIELDS, Field
-from model.modes.modes import (
-    Modes,
-    Observation,
-    full_parameters,
-    outside_ranges,
-    reduced_eigenpairs,
-    solve_modes,
-)
+from model.modes.modes import Modes, Observation, full_parameters, outside_ranges, reduced_eigenpairs, solve_modes
 from model.reduction.reduction import ReducedSystem, reduce, shifted_factor
 from model.reduction.through_thickness import SPARE, shear_shift
 from model.solvers.eigen import lowest_modes, orthonormalize
@@ -119,9 +112,7 @@ def refine(
     fewest, outside = 0, outside_ranges(system, theta)
     if outside:  # the through-thickness basis may lack modes altogether
         full = system.laminas
-        fresh = full.apply(
-            full.krons("M", theta), np.random.default_rng(0).standard_normal((full.size, SPARE))
-        )
+        fresh = full.apply(full.krons("M", theta), np.random.default_rng(0).standard_normal((full.size, SPARE)))
         x, fewest = np.hstack([x, correct(fresh)]), _MIN_STEPS
     history, error = _iterated(system, theta, x, correct, (n, fewest, max_steps, tolerance))
     frequency = history[-1] / (2.0 * np.pi)
@@ -222,12 +213,7 @@ def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Ve
 
 
 def _over_plan(
-    system: ReducedSystem,
-    theta: Mapping[str, float],
-    smooth: Factor,
-    vectors: Vector,
-    n_rigid: int,
-    n_mode: int,
+    system: ReducedSystem, theta: Mapping[str, float], smooth: Factor, vectors: Vector, n_rigid: int, n_mode: int
 ) -> Vector:
     """Return the elastic modes with all of the plan and thickness basis, those too that the snapshots lack."""
     tolerance = 1e-5  # relative change of eigenvalues with through-thickness functions in the last step
@@ -293,9 +279,7 @@ def _gram(left: list[Vector], right: list[Vector]) -> Vector:
 def _from_phi(system: ReducedSystem, x: Vector) -> Vector:
     """Return displacements in coordinates of the through-thickness functions on all laminas."""
     where, k = system.assembly.slices(), x.shape[1]
-    return np.vstack(
-        [(system.phi[f] @ x[where[f]].reshape(system.phi[f].shape[1], -1)).reshape(-1, k) for f in FIELDS]
-    )
+    return np.vstack([(system.phi[f] @ x[where[f]].reshape(system.phi[f].shape[1], -1)).reshape(-1, k) for f in FIELDS])
 
 
 def _to_phi(system: ReducedSystem, x: Vector) -> Vector:
@@ -305,9 +289,7 @@ def _to_phi(system: ReducedSystem, x: Vector) -> Vector:
     )
 
 
-def _preconditioner(
-    system: ReducedSystem, theta: Mapping[str, float], smooth: Factor
-) -> Callable[[Vector], Vector]:
+def _preconditioner(system: ReducedSystem, theta: Mapping[str, float], smooth: Factor) -> Callable[[Vector], Vector]:
     """Return an approximation of (K + shift M)^-1 on all laminas; `smooth` is that of the thickness basis."""
     rest = _rough_part(system, theta)
     return lambda r: _from_phi(system, smooth.solve(_to_phi(system, r))) + rest(r)
@@ -368,9 +350,7 @@ class _Rough:
         for m in members:
             shares = [float(np.mean(np.einsum("ij,ij->j", vectors[:, m], z @ vectors[:, m]))) for z, _ in own]
             planar = sum(share * p for share, (_, p) in zip(shares, own, strict=True))
-            solvers.append(
-                splinalg.splu(planar.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).solve
-            )
+            solvers.append(splinalg.splu(planar.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).solve)
         return cls(over_z=vectors, members=members, solve_planar=tuple(solvers))
 
     def solve(self, value: Vector) -> Vector:

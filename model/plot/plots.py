@@ -145,11 +145,7 @@ def _add_surface(plotter: Any, surface: Surface, moved: Vector, length: Vector) 
         side = pv.PolyData.from_regular_faces(points, faces)
         side["displacement"] = length.ravel()
         plotter.add_mesh(
-            side,
-            scalars="displacement",
-            clim=(0.0, float(length.max())),
-            cmap="viridis",
-            show_scalar_bar=False,
+            side, scalars="displacement", clim=(0.0, float(length.max())), cmap="viridis", show_scalar_bar=False
         )
     sheets = n_point * np.arange(n_sheet)[:, None, None]
     lines = np.concatenate([np.full((n_sheet, len(low), 1), 2), sheets + surface.edge], axis=-1)
@@ -240,15 +236,11 @@ def _draw_side(axes: Axes, own: Stack) -> None:
     from matplotlib.patches import Rectangle
 
     half = 500.0 * np.array([own.length, own.height])
-    axes.add_patch(
-        Rectangle((-half[0], -half[1]), 2.0 * half[0], 2.0 * half[1], facecolor=_SHEET, edgecolor=_EDGE)
-    )
+    axes.add_patch(Rectangle((-half[0], -half[1]), 2.0 * half[0], 2.0 * half[1], facecolor=_SHEET, edgecolor=_EDGE))
     shown = np.unique(np.linspace(0, own.n_lamina - 1, lines).round().astype(int))
     axes.hlines(1e3 * own.lamina_z[shown], -half[0], half[0], color=_EDGE, linewidth=0.4)
     for clamp in own.clamps:
-        axes.plot(
-            [1e3 * clamp.x] * 2, [-1.15 * half[1], 1.15 * half[1]], color=_CLAMP, linewidth=3.0, alpha=0.6
-        )
+        axes.plot([1e3 * clamp.x] * 2, [-1.15 * half[1], 1.15 * half[1]], color=_CLAMP, linewidth=3.0, alpha=0.6)
     for layer in own.interlayers:
         z = own.lamina_z[layer.below - 1 : layer.below + 1].mean()
         axes.axhline(1e3 * z, color=_SUPPORT, linewidth=2.0)

@@ -113,9 +113,7 @@ def effect_answers(
     (assembly.size, n_answer)
         The principal ones of all answers, by energy.
     """
-    least_energy = (
-        3e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
-    )
+    least_energy = 3e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
     values, unit_energy = modes[0], modes[1] / np.sqrt(modes[0])
     acting: dict[int, tuple[Term, float]] = {}
     for term, strength in _strengths(assembly, effects, theta):
@@ -184,9 +182,7 @@ def second_answers(
     if not changes:
         return np.empty((assembly.size, 0))
 
-    def forces(
-        change: Sequence[tuple[tuple[Kron, ...], float]], x: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def forces(change: Sequence[tuple[tuple[Kron, ...], float]], x: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.asarray(sum(share * assembly.apply(krons, x) for krons, share in change))
 
     unit_energy = modes[1] / np.sqrt(modes[0])
@@ -209,10 +205,7 @@ def second_answers(
 
 
 def attachment_answers(
-    assembly: Assembly,
-    effects: Sequence[Effect],
-    factor: Factor,
-    modes: NDArray[np.float64],
+    assembly: Assembly, effects: Sequence[Effect], factor: Factor, modes: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return what a stack answers to forces where effects act, and to the inertia of these answers.
 
@@ -250,16 +243,10 @@ def attachment_answers(
     return np.hstack(answers)
 
 
-def _strengths(
-    assembly: Assembly, effects: Sequence[Effect], theta: Mapping[str, float]
-) -> list[tuple[Term, float]]:
+def _strengths(assembly: Assembly, effects: Sequence[Effect], theta: Mapping[str, float]) -> list[tuple[Term, float]]:
     """Return the mass and stiffness terms that effects can switch on, with the largest factor that they can have."""
     n_trial = 21  # over a range of which some terms act over a part alone
-    corners = [
-        {**theta, **corner}
-        for effect in effects
-        for corner in effect.combinations(lambda p: p.trials(n_trial))
-    ]
+    corners = [{**theta, **corner} for effect in effects for corner in effect.combinations(lambda p: p.trials(n_trial))]
     found = []
     for term in assembly.terms:
         if term.target != "C":

@@ -59,10 +59,7 @@ def _by_row(krons: Iterable[Kron]) -> dict[Field, list[Kron]]:
 
 
 def _half(
-    parts: Mapping[Field, Vector],
-    field: Field,
-    krons: Iterable[Kron],
-    order: Mapping[Field, NDArray[np.intp]],
+    parts: Mapping[Field, Vector], field: Field, krons: Iterable[Kron], order: Mapping[Field, NDArray[np.intp]]
 ) -> Vector:
     """Return a matrix that, with its transpose, is the projection of products with rows of one field, (n, n).
 
@@ -93,9 +90,7 @@ def _half(
     return half
 
 
-def _low_rank(
-    planar: sp.csr_matrix,
-) -> tuple[tuple[NDArray[np.intp], Vector], tuple[NDArray[np.intp], Vector]] | None:
+def _low_rank(planar: sp.csr_matrix) -> tuple[tuple[NDArray[np.intp], Vector], tuple[NDArray[np.intp], Vector]] | None:
     """Return a planar matrix as a sum of few products of shapes: where each side acts, and its shapes there.
 
     The mean displacement under a clamp is one shape of many points. None where the matrix has more than `_FEW`.
@@ -136,9 +131,7 @@ def _add_image(image: Vector, z: Vector, planar: sp.csr_matrix, right: Vector) -
             image[:, strip[0] : strip[-1] + 1] += own[:, first:last].toarray() @ moved[:, first:last]
 
 
-def _by_field(
-    assembly: Assembly, basis: Vector, order: Mapping[Field, NDArray[np.intp]]
-) -> dict[Field, Vector]:
+def _by_field(assembly: Assembly, basis: Vector, order: Mapping[Field, NDArray[np.intp]]) -> dict[Field, Vector]:
     """Return a basis as (n_z, n_planar, k) arrays, the planar degrees of freedom in an order of their own."""
     where = assembly.slices()
     return {f: basis[where[f]].reshape(assembly.n_z[f], -1, basis.shape[1])[:, order[f]] for f in FIELDS}

@@ -21,9 +21,7 @@ from model.stack.stack import Stack
 Vectors = NDArray[np.float64]
 
 
-_SPARE = (
-    8  # random vectors beyond the most directions, which show that a range has no more (Halko et al. 2011)
-)
+_SPARE = 8  # random vectors beyond the most directions, which show that a range has no more (Halko et al. 2011)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -35,15 +35,7 @@ from model.reduction.effect_basis import (
 from model.reduction.projection import projected_terms
 from model.reduction.reduced_equations import ReducedEquations, ReducedTerm, full, in_ranges
 from model.reduction.riding import riding_terms
-from model.reduction.through_thickness import (
-    FREE,
-    N_RIGID,
-    SOFT,
-    SPARE,
-    n_rigid,
-    shear_shift,
-    through_thickness_basis,
-)
+from model.reduction.through_thickness import FREE, N_RIGID, SOFT, SPARE, n_rigid, shear_shift, through_thickness_basis
 from model.solvers.eigen import Block, Product, orthonormalize
 from model.solvers.low_rank import Factor
 from model.solvers.stack_solver import Solver, solver_over_plan
@@ -84,13 +76,9 @@ def assemble(stack: Stack) -> Assembly:
     }
     if stack.interlayers:
         theta["layer_modulus"] = 1.0
-    base = Assembly(
-        stack=stack, plan=plan, n_z=dict.fromkeys(FIELDS, stack.n_lamina), terms=terms, theta=theta
-    )
+    base = Assembly(stack=stack, plan=plan, n_z=dict.fromkeys(FIELDS, stack.n_lamina), terms=terms, theta=theta)
     added = tuple(term for effect in stack.effects for term in effect.terms(base))
-    frequency = (
-        {OMEGA: OMEGA_REFERENCE} if any(effect.frequency_dependent for effect in stack.effects) else {}
-    )
+    frequency = {OMEGA: OMEGA_REFERENCE} if any(effect.frequency_dependent for effect in stack.effects) else {}
     return base.with_terms(added, {**stack.effect_values, **frequency})
 
 
@@ -134,9 +122,7 @@ class ReducedSystem(ReducedEquations):
     laminas: Assembly
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "basis", readonly("ReducedSystem", "basis", self.basis, (self.assembly.size, None))
-        )
+        object.__setattr__(self, "basis", readonly("ReducedSystem", "basis", self.basis, (self.assembly.size, None)))
 
     def ranged(self) -> ReducedSystem:
         """Return the system with matrices of low rank in ranges that they share: it takes a third of the memory."""
@@ -146,9 +132,7 @@ class ReducedSystem(ReducedEquations):
             self, terms=tuple(dataclasses.replace(t, matrix=found[id(t.matrix)]) for t in self.terms)
         )
 
-    def field_rows(
-        self, field: Field, lamina: NDArray[np.intp], points: NDArray[np.float64]
-    ) -> sp.csr_matrix:
+    def field_rows(self, field: Field, lamina: NDArray[np.intp], points: NDArray[np.float64]) -> sp.csr_matrix:
         """Return the matrix from z-reduced coordinates to u, v or w on given laminas at points of the plan.
 
         Parameters
@@ -171,10 +155,7 @@ class ReducedSystem(ReducedEquations):
         start = self.assembly.slices()[field].start
         columns = start + rows.col[:, None] + n_planar * np.arange(n_function)
         return sp.coo_matrix(
-            (
-                (rows.data[:, None] * over_z).ravel(),
-                (np.repeat(rows.row, n_function), columns.ravel()),
-            ),
+            ((rows.data[:, None] * over_z).ravel(), (np.repeat(rows.row, n_function), columns.ravel())),
             (lamina.size, self.assembly.size),
         ).tocsr()
 
@@ -234,18 +215,12 @@ def reduce(
     plain = assemble(stack)
     stack = plain.stack  # with its pressure field
     laminas = plain.with_terms(terms(plain), {} if theta is None else theta)
-    box = {
-        "G_f": G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0),
-        **({} if ranges is None else ranges),
-    }
+    box = {"G_f": G_f_range or (stack.contact.G_f / 4.0, stack.contact.G_f * 4.0), **({} if ranges is None else ranges)}
     _check_ranges(box, laminas.theta)
     middle = {**laminas.theta, "G_f": float(np.sqrt(np.prod(box["G_f"])))}
     sampled = [effect for effect in stack.effects if any(p.name in box for p in effect.parameters)]
     samples = _samples_with(sampled, box, laminas.theta, middle, n_snapshot)
-    kinds = (
-        (stack.effects, middle),
-        (sampled, samples[-1]),
-    )  # of effects; these have modes of their own there
+    kinds = ((stack.effects, middle), (sampled, samples[-1]))  # of effects; these have modes of their own there
     return _from_snapshots(laminas, box, samples, kinds, local, n_mode, z_tolerance)
 
 
@@ -331,9 +306,7 @@ def _snapshot_basis(
         if effects:
             factor, elastic = at_point(at)
             space = _extended(space, effect_answers(assembly, effects, factor, at, elastic), product)
-            space = _extended(
-                space, second_answers(assembly, effects, factor, at, elastic, space[0]), product
-            )
+            space = _extended(space, second_answers(assembly, effects, factor, at, elastic, space[0]), product)
     for at in samples[2:] if local else ():
         factor, elastic = at_point(at)
         space = _extended(space, attachment_answers(assembly, local, factor, elastic[1]), product)
@@ -366,9 +339,7 @@ def _snapshot_modes(
             )
             start = space[0] @ la.eigh(stiffness, inertia)[1][:, n_rigid(assembly.stack) : n_mode]
         shift = shear_shift(assembly.stack, sample)
-        values, vectors = solver.modes(
-            sample, shift, np.hstack([start, fresh]), n_mode, _TOLERANCE, rigid, min_steps
-        )
+        values, vectors = solver.modes(sample, shift, np.hstack([start, fresh]), n_mode, _TOLERANCE, rigid, min_steps)
         space = _extended(space, vectors[:, :n_mode], product)
         elastic = np.flatnonzero(values[:n_mode] > FREE * shift)
         modes.append(vectors[:, elastic] / np.sqrt(values[elastic]))
@@ -389,8 +360,7 @@ def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[Reduc
     Terms that differ by their factor alone share one matrix.
     """
     matrices = {
-        which: _without_rounding(_symmetric(matrix))
-        for which, matrix in projected_terms(assembly, basis).items()
+        which: _without_rounding(_symmetric(matrix)) for which, matrix in projected_terms(assembly, basis).items()
     }
     return tuple(
         ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[id(term.krons)])
@@ -398,9 +368,7 @@ def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[Reduc
     )
 
 
-def leading(
-    modes: NDArray[np.float64], assembly: Assembly, theta: Mapping[str, float]
-) -> NDArray[np.float64]:
+def leading(modes: NDArray[np.float64], assembly: Assembly, theta: Mapping[str, float]) -> NDArray[np.float64]:
     """Return the directions, normalised, in which modes of unit energy have more than next to nothing.
 
     Parameters
@@ -428,14 +396,10 @@ def _check_ranges(ranges: Mapping[str, tuple[float, float]], theta: Mapping[str,
             hint = f"; did you mean {near[0]}?" if near else f"; there are {', '.join(theta)}"
             raise SolveError(f"ranges: unknown parameter {name!r}{hint}")
         if not low < high:
-            raise SolveError(
-                f"ranges: {name} must reach from a lower to a higher value, got {low:g} to {high:g}"
-            )
+            raise SolveError(f"ranges: {name} must reach from a lower to a higher value, got {low:g} to {high:g}")
 
 
-def _samples(
-    ranges: Mapping[str, tuple[float, float]], nominal: Mapping[str, float], n: int
-) -> list[dict[str, float]]:
+def _samples(ranges: Mapping[str, tuple[float, float]], nominal: Mapping[str, float], n: int) -> list[dict[str, float]]:
     """Return n points of a box of parameters, some of them along its first parameter, and then all over it.
 
     Along the first parameter they stand at Chebyshev's nodes, the outer two first because they tell most, with the
@@ -455,10 +419,7 @@ def _samples(
     return [
         *({first: spaced(*range_, part), **middle} for part in nodes[order]),
         *(
-            {
-                name: spaced(low, high, part)
-                for (name, (low, high)), part in zip(ranges.items(), point, strict=True)
-            }
+            {name: spaced(low, high, part) for (name, (low, high)), part in zip(ranges.items(), point, strict=True)}
             for point in unit
         ),
     ]

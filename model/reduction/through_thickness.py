@@ -141,9 +141,7 @@ FREE = 1e-6  # of `shear_shift`: an eigenvalue below it is rigid-body motion
 
 SOFT = 1e-2  # of it, beside stiffness where energies are compared: what an iteration leaves in softer modes is more
 
-_TOLERANCE = (
-    1e-6  # relative change of eigenvalues over the shapes in the last step; their error is far smaller
-)
+_TOLERANCE = 1e-6  # relative change of eigenvalues over the shapes in the last step; their error is far smaller
 
 _FEWEST: Mapping[Field, int] = {"u": 2, "v": 2, "w": 1}  # those of rigid-body motion
 
@@ -203,11 +201,7 @@ def _is_symmetric(assembly: Assembly) -> bool:
 
 
 def _principal_functions(
-    gram: NDArray[np.float64],
-    norm: NDArray[np.float64],
-    first: NDArray[np.float64],
-    *,
-    symmetric: bool,
+    gram: NDArray[np.float64], norm: NDArray[np.float64], first: NDArray[np.float64], *, symmetric: bool
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return through-thickness functions: `first`, then the others by the energy that leaving them out would cost.
 
@@ -286,11 +280,7 @@ def _elastic(eigenvalues: Sequence[Vector], modes: Sequence[Vector], shifts: Seq
 
 
 def through_thickness_basis(
-    stack: Stack,
-    laminas: Assembly,
-    thetas: Sequence[Mapping[str, float]],
-    n_mode: int,
-    tolerance: float,
+    stack: Stack, laminas: Assembly, thetas: Sequence[Mapping[str, float]], n_mode: int, tolerance: float
 ) -> ThroughThicknessBasis:
     """Draw the through-thickness basis from modes of all laminas over a few shapes of the plan.
 

@@ -122,9 +122,7 @@ def lowest_modes(
     raise SolveError(f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps")
 
 
-def _exhausted(
-    blocks: list[Block], image: Vectors, mass: Product, known: Sequence[Block], missing: int
-) -> bool:
+def _exhausted(blocks: list[Block], image: Vectors, mass: Product, known: Sequence[Block], missing: int) -> bool:
     """Add what an image has beyond the blocks to them, and tell whether that is nothing: the space is invariant.
 
     Raises
@@ -156,9 +154,7 @@ def _grown(projected: Vectors, coupling: Vectors) -> Vectors:
     grown[known:] = coupling.T
     grown = (grown + grown.T) / 2.0
     if not np.isfinite(grown).all():
-        raise SolveError(
-            "the model's numbers overflow; check the size of its stiffnesses, of contact above all"
-        )
+        raise SolveError("the model's numbers overflow; check the size of its stiffnesses, of contact above all")
     return grown
 
 
@@ -289,9 +285,7 @@ class CholeskyFactor:
         leaf = 100
         if nodes.size <= leaf:
             return [(nodes, 0)]
-        one, two, cut = min(
-            (self._halves(place[nodes, i], nodes) for i in range(3)), key=lambda own: own[2].size
-        )
+        one, two, cut = min((self._halves(place[nodes, i], nodes) for i in range(3)), key=lambda own: own[2].size)
         if not two.size or cut.size > most_cut * nodes.size:
             return [(nodes, 0)]
         rest = np.setdiff1d(two, cut, assume_unique=True)
@@ -329,9 +323,7 @@ class CholeskyFactor:
         if info:
             raise NotPositiveError(int(inside[info - 1]))
         below = (
-            la.blas.dtrsm(1.0, diagonal, front[n:, :n], side=1, lower=1, trans_a=1)
-            if border.size
-            else front[n:, :n]
+            la.blas.dtrsm(1.0, diagonal, front[n:, :n], side=1, lower=1, trans_a=1) if border.size else front[n:, :n]
         )
         left = front[n:, n:] - below @ below.T
         self._fronts.append(_Front(inside=inside, border=border, diagonal=diagonal, below=below))
@@ -346,7 +338,5 @@ class CholeskyFactor:
             x[front.border] -= front.below @ own
         for front in reversed(self._fronts):
             own = x[front.inside] - front.below.T @ x[front.border]
-            x[front.inside] = la.solve_triangular(
-                front.diagonal, own, lower=True, trans=1, check_finite=False
-            )
+            x[front.inside] = la.solve_triangular(front.diagonal, own, lower=True, trans=1, check_finite=False)
         return x

@@ -50,9 +50,7 @@ def levels(pattern: sp.csr_matrix, start: NDArray[np.intp]) -> list[NDArray[np.i
         groups.append(reached[~seen[reached]])
         seen[reached] = True
     if not seen.all():
-        raise SolveError(
-            f"the plan falls into parts: {np.count_nonzero(~seen)} unknowns are not connected to the rest"
-        )
+        raise SolveError(f"the plan falls into parts: {np.count_nonzero(~seen)} unknowns are not connected to the rest")
     result = [groups[-2]]
     for group in groups[-3::-1]:
         coupled = np.isin(group, pattern[result[-1]].indices)
@@ -191,18 +189,14 @@ class FarProduct:
         return cls(term=term, kron=kron, row=row, column=column)
 
 
-def low_rank(
-    assembly: Assembly, products: Sequence[FarProduct], members: Mapping[Field, NDArray[np.intp]]
-) -> LowRank:
+def low_rank(assembly: Assembly, products: Sequence[FarProduct], members: Mapping[Field, NDArray[np.intp]]) -> LowRank:
     """Find the spaces in which Kronecker products act on the given indices over z."""
     z, planar = {}, {}
     for field in FIELDS:
         own = [(p.kron.z, p.row) for p in products if p.kron.row == field]
         own += [(p.kron.z.T, p.column) for p in products if p.kron.column == field]
         here = sp.diags_array(np.isin(np.arange(assembly.n_z[field]), members[field]).astype(float))
-        z[field] = _range(
-            [sp.csc_matrix(here @ a) for a in _distinct(a for a, _ in own)], assembly.n_z[field]
-        )
+        z[field] = _range([sp.csc_matrix(here @ a) for a in _distinct(a for a, _ in own)], assembly.n_z[field])
         planar[field] = _range([sp.csc_matrix(b) for _, b in own], assembly.plan.size(field))
     return LowRank(z=z, planar=planar)
 

@@ -56,9 +56,9 @@ class Group:
         for f in FIELDS:
             n_z, n_coupled = self.z[f].size, self.n_coupled[f]
             n_free = self.planar[f].size - n_coupled
-            found[f] = np.concatenate(
-                [free + n_z * np.arange(n_free), coupled + n_z * np.arange(n_coupled)]
-            ).astype(np.intp)
+            found[f] = np.concatenate([free + n_z * np.arange(n_free), coupled + n_z * np.arange(n_coupled)]).astype(
+                np.intp
+            )
             free, coupled = free + n_z * n_free, coupled + n_z * n_coupled
         return found
 
@@ -231,9 +231,7 @@ class Solver:
         shares = [p.term.factor(theta) * (shift if p.term.target == "M" else 1.0) for p in self.far]
         acting = tuple(i for i, share in enumerate(shares) if share != 0.0)
         own = [self.far[i] for i in acting]
-        far = tuple(
-            dataclasses.replace(p.kron, z=shares[i] * p.kron.z) for i, p in zip(acting, own, strict=True)
-        )
+        far = tuple(dataclasses.replace(p.kron, z=shares[i] * p.kron.z) for i, p in zip(acting, own, strict=True))
         if acting not in self._spaces:
             self._spaces[acting] = tuple(low_rank(self.assembly, own, c.members) for c in self.chains)
         parts = []
@@ -286,12 +284,8 @@ class Solver:
             start = start if known else np.hstack([rigid, start])
         n_known = sum(basis.shape[1] for basis, _ in known)
         solve = self.factor(theta, shift).solve
-        values, vectors = lowest_modes(
-            solve, product, shift, start, n_mode - n_known, tolerance, known, min_steps
-        )
-        return np.concatenate([np.zeros(n_known), values]), np.hstack(
-            [*(basis for basis, _ in known), vectors]
-        )
+        values, vectors = lowest_modes(solve, product, shift, start, n_mode - n_known, tolerance, known, min_steps)
+        return np.concatenate([np.zeros(n_known), values]), np.hstack([*(basis for basis, _ in known), vectors])
 
 
 def _solver(
@@ -306,9 +300,7 @@ def _solver(
     return Solver(
         assembly=assembly,
         chains=tuple(Chain(groups=groups) for groups in chains),
-        couplings=_couplings(
-            assembly, [p for p, ok in zip(products, near, strict=True) if ok], planar_groups
-        ),
+        couplings=_couplings(assembly, [p for p, ok in zip(products, near, strict=True) if ok], planar_groups),
         far=far,
     )
 
@@ -335,17 +327,11 @@ def solver_over_plan(assembly: Assembly) -> Solver:
         for f in FIELDS:
             level[f][group[f]] = i
     n_coupled: list[Mapping[Field, int]] = [
-        {
-            f: int(np.count_nonzero(sum(shares[f, g][group[f]] @ (level[g] == i + 1) for g in FIELDS)))
-            for f in FIELDS
-        }
+        {f: int(np.count_nonzero(sum(shares[f, g][group[f]] @ (level[g] == i + 1) for g in FIELDS))) for f in FIELDS}
         for i, group in enumerate(planar_groups)
     ]
     chains = [
-        tuple(
-            Group(z=z, planar=planar, level=i, n_coupled=n_coupled[i])
-            for i, planar in enumerate(planar_groups)
-        )
+        tuple(Group(z=z, planar=planar, level=i, n_coupled=n_coupled[i]) for i, planar in enumerate(planar_groups))
         for z in _uncoupled_functions(assembly)
     ]
 

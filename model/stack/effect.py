@@ -12,16 +12,7 @@ import numpy as np
 
 from model.stack.errors import EffectError
 
-Family = Literal[
-    "inertia",
-    "boundary",
-    "contact law",
-    "pressure field",
-    "treatments",
-    "steel",
-    "damping",
-    "amplitude",
-]
+Family = Literal["inertia", "boundary", "contact law", "pressure field", "treatments", "steel", "damping", "amplitude"]
 Scale = Literal["lin", "log"]
 
 PRESSURE_REFERENCE = 160e3
@@ -70,17 +61,11 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
-            raise EffectError(
-                f"parameter name {self.name!r}: must be one word of letters, digits and underscores"
-            )
+            raise EffectError(f"parameter name {self.name!r}: must be one word of letters, digits and underscores")
         if not self.unit or not self.source:
-            raise EffectError(
-                f'parameter {self.name}: unit and source must be stated ("1" for a plain number)'
-            )
+            raise EffectError(f'parameter {self.name}: unit and source must be stated ("1" for a plain number)')
         if not self.lower < self.upper:
-            raise EffectError(
-                f"parameter {self.name}: lower {self.lower:g} must be below upper {self.upper:g}"
-            )
+            raise EffectError(f"parameter {self.name}: lower {self.lower:g} must be below upper {self.upper:g}")
         for name in ("nominal", "neutral"):
             if not self.lower <= getattr(self, name) <= self.upper:
                 raise EffectError(
@@ -157,9 +142,7 @@ class Effect:
 
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
-            raise EffectError(
-                f"effect name {self.name!r}: must be one word of letters, digits and underscores"
-            )
+            raise EffectError(f"effect name {self.name!r}: must be one word of letters, digits and underscores")
         if self.family not in get_args(Family):
             raise EffectError(
                 f"effect {self.name}: family must be one of {', '.join(get_args(Family))}, got {self.family!r}"

@@ -75,9 +75,7 @@ class CompressionCurve:
         for name in ("strain", "pressure"):
             endless = np.flatnonzero(~np.isfinite(getattr(self, name)))
             if endless.size:
-                raise StackError(
-                    f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not"
-                )
+                raise StackError(f"compression curve: {name} must be finite, but that of point {endless[0] + 1} is not")
             values = getattr(self, name)
             falls = np.flatnonzero(~(np.diff(values) > least_rise * np.abs(values).max()))
             if falls.size:

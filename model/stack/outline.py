@@ -93,10 +93,7 @@ class Outline:
         object.__setattr__(self, "boundary", readonly("Outline", "boundary", self.boundary, (None, 2)))
         holes = tuple(readonly("Outline", "holes", hole, (None, 2)) for hole in self.holes)
         object.__setattr__(self, "holes", holes)
-        for name, polygon in (
-            ("boundary", self.boundary),
-            *((f"holes[{i}]", h) for i, h in enumerate(holes)),
-        ):
+        for name, polygon in (("boundary", self.boundary), *((f"holes[{i}]", h) for i, h in enumerate(holes))):
             if len(polygon) < 3:
                 raise StackError(f"outline: {name} has {len(polygon)} corners; a polygon needs at least 3")
             if not np.all(np.abs(polygon) < _LARGEST):
@@ -131,9 +128,7 @@ class Outline:
             if complete:
                 used, index = np.unique(triangle, return_inverse=True)
                 return Triangulation(point=point[used], triangle=index.reshape(-1, 3))
-        raise StackError(
-            f"outline: no mesh of triangles of {size:g} m follows its boundary; take more elements"
-        )
+        raise StackError(f"outline: no mesh of triangles of {size:g} m follows its boundary; take more elements")
 
 
 def centred(shape: Outline | Triangulation) -> Outline | Triangulation:
@@ -232,9 +227,7 @@ def _bolt_holes(holes: BoltHoles, slot: float, outer: float, n_side: int) -> tup
     beside = holes.circle * np.sin(min(np.pi / max(holes.number, 1), np.pi / 2.0))
     hole = holes.diameter
     if not (holes.number > 0 and slot + hole < holes.circle < outer - hole and 0.0 < hole < beside):
-        raise StackError(
-            f"stator: holes of {hole:g} m on a circle of {holes.circle:g} m do not fit into the yoke"
-        )
+        raise StackError(f"stator: holes of {hole:g} m on a circle of {holes.circle:g} m do not fit into the yoke")
     found = []
     for k in range(holes.number):
         turn = 2.0 * np.pi * k / holes.number
@@ -263,9 +256,7 @@ def read_mesh(path: str | Path) -> Triangulation:
 
     path = Path(path)
     if path.suffix.lower() in _PICKLES:  # which older versions of pyvista read
-        raise StackError(
-            f"{path}: a pickle runs code when it is read; give a mesh file, such as .vtk, .stl or .msh"
-        )
+        raise StackError(f"{path}: a pickle runs code when it is read; give a mesh file, such as .vtk, .stl or .msh")
     try:
         there = path.exists()
     except OSError as error:  # such as a name that is too long
@@ -338,9 +329,7 @@ def _delaunay(
     clearance = 0.55  # of the element size, between the boundary and the points inside
     rim = np.vstack(rims)
     low, high = rim.min(axis=0), rim.max(axis=0)
-    x, y = np.meshgrid(
-        np.arange(low[0], high[0] + size, size), np.arange(low[1], high[1] + size, size * np.sqrt(0.75))
-    )
+    x, y = np.meshgrid(np.arange(low[0], high[0] + size, size), np.arange(low[1], high[1] + size, size * np.sqrt(0.75)))
     x[1::2] += size / 2.0
     grid = np.column_stack([x.ravel(), y.ravel()])
     grid = grid[inside(grid, polygons)]

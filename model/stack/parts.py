@@ -183,14 +183,10 @@ class Interlayer:
     density: float
 
     def __post_init__(self) -> None:
-        require_positive(
-            "interlayer", self, "below", "thickness", "shear_modulus", "normal_modulus", "density"
-        )
+        require_positive("interlayer", self, "below", "thickness", "shear_modulus", "normal_modulus", "density")
 
 
-def _require_support(
-    support: EdgeSupport | PatchSupport, choices: dict[str, object], *stiffness: str
-) -> None:
+def _require_support(support: EdgeSupport | PatchSupport, choices: dict[str, object], *stiffness: str) -> None:
     for name, allowed in choices.items():
         if getattr(support, name) not in get_args(allowed):
             raise StackError(
@@ -198,9 +194,7 @@ def _require_support(
             )
     values = [getattr(support, name) for name in stiffness]
     if not (min(values) >= 0.0 and max(values) > 0.0):
-        raise StackError(
-            f"support: {', '.join(stiffness)} must not be negative and one of them positive, got {values}"
-        )
+        raise StackError(f"support: {', '.join(stiffness)} must not be negative and one of them positive, got {values}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -291,9 +285,7 @@ class Mesh:
         most_elements = 1000
         require_positive("mesh", self, "n_x", "n_y")
         if max(self.n_x, self.n_y) > most_elements:
-            raise StackError(
-                f"mesh: n_x and n_y must be at most {most_elements}, got {self.n_x} and {self.n_y}"
-            )
+            raise StackError(f"mesh: n_x and n_y must be at most {most_elements}, got {self.n_x} and {self.n_y}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -155,9 +155,7 @@ class Stack(Shown):
         """
         for effect in effects:
             if not isinstance(effect, Effect):
-                raise EffectError(
-                    f"with_effects: {effect!r} is no effect; give *model.find_effects([{effect!r}])"
-                )
+                raise EffectError(f"with_effects: {effect!r} is no effect; give *model.find_effects([{effect!r}])")
         chosen = {effect.name: effect for effect in (*self.effects, *effects)}
         parameters = shared_parameters(chosen.values())
         for name in values:
@@ -213,9 +211,7 @@ def _check_pressure(stack: Stack) -> None:
 def _check_pitch(stack: Stack) -> None:
     thinnest = 1e-6  # m; a lamina that is thinner is a slip, and as many of them would fill the memory
     if stack.pitch <= 0.0:
-        raise StackError(
-            f"stack: height {stack.height:g} m leaves no room for laminas between the interlayers"
-        )
+        raise StackError(f"stack: height {stack.height:g} m leaves no room for laminas between the interlayers")
     if stack.pitch < thinnest:
         raise StackError(
             f"stack: n_lamina = {stack.n_lamina} in a height of {stack.height:g} m makes laminas {stack.pitch:.2g} m "

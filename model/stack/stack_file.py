@@ -231,11 +231,7 @@ def _validated(raw: dict[str, Any]) -> StackFile:
 def stack_inputs(path: Path) -> tuple[Path, ...]:
     """Return the file of a stack, which `read_stack` accepts, and the files that it names."""
     given = _validated(read_toml(path))
-    named = (
-        given.contact.torque_table,
-        given.outline.file,
-        None if given.pressing is None else given.pressing.curve,
-    )
+    named = (given.contact.torque_table, given.outline.file, None if given.pressing is None else given.pressing.curve)
     return (path, *(path.parent / name for name in named if name is not None))
 
 
@@ -302,9 +298,7 @@ def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> Non
             apart = (abs(clamp.x_mm - other.x_mm), abs(clamp.y_mm - other.y_mm))
             reach = zip(clamp.footprint_mm, other.footprint_mm, strict=True)
             shared = [(p + q) / 2.0 - gap for (p, q), gap in zip(reach, apart, strict=True)]
-            if (
-                max(apart) > 0.0 and min(shared) > touching_mm
-            ):  # at the same place they are one that is heavier
+            if max(apart) > 0.0 and min(shared) > touching_mm:  # at the same place they are one that is heavier
                 raise StackError(
                     f"clamps[{j}] and clamps[{i}]: their footprints overlap by {shared[0]:g} mm along x and "
                     f"{shared[1]:g} mm along y; check x_mm, y_mm and footprint_mm"
@@ -324,14 +318,10 @@ def _contact(given: StackFile, area: float, pressing: Pressing | None, folder: P
         normal_modulus = contact.normal_modulus_GPa * 1e9
     elif pressing is not None:
         normal_modulus = float(pressing.curve.evaluate(np.array(pressing.curve.strain_at(pressure)))[1])
-    return Contact(
-        G_f=contact.G_f, d_f=contact.d_f_s_per_Pa, pressure=pressure, normal_modulus=normal_modulus
-    )
+    return Contact(G_f=contact.G_f, d_f=contact.d_f_s_per_Pa, pressure=pressure, normal_modulus=normal_modulus)
 
 
-def _outline(
-    given: StackFile, folder: Path
-) -> tuple[float, float, outline.Outline | outline.Triangulation | None]:
+def _outline(given: StackFile, folder: Path) -> tuple[float, float, outline.Outline | outline.Triangulation | None]:
     """Return length, width and shape of the laminas, the shape around the centre of its bounding box."""
     table = given.outline
     box = {"length_mm": given.length_mm, "width_mm": given.width_mm}
@@ -351,9 +341,7 @@ def _outline(
         return value
 
     shape: outline.Outline | outline.Triangulation
-    n_side = (
-        math.ceil(math.pi * given.mesh.n_x / 4.0) * 4
-    )  # sides as long as the elements, alike in four quarters
+    n_side = math.ceil(math.pi * given.mesh.n_x / 4.0) * 4  # sides as long as the elements, alike in four quarters
     if table.kind == "ring":
         shape = outline.ring(need("outer_mm") * 1e-3, need("inner_mm") * 1e-3, n_side)
     elif table.kind == "stator":
@@ -381,9 +369,7 @@ def _outline(
 def _bolt_holes(table: _Outline) -> outline.BoltHoles | None:
     if table.n_hole == 0:
         return None
-    return outline.BoltHoles(
-        number=table.n_hole, diameter=table.hole_mm * 1e-3, circle=table.hole_circle_mm * 1e-3
-    )
+    return outline.BoltHoles(number=table.n_hole, diameter=table.hole_mm * 1e-3, circle=table.hole_circle_mm * 1e-3)
 
 
 def _pressure(contact: _Contact, forces: list[float | None], area: float, folder: Path) -> float:
@@ -406,9 +392,7 @@ def _pressure(contact: _Contact, forces: list[float | None], area: float, folder
             raise StackError("contact.torque_table is missing; torque_Nm needs it to become a pressure")
         return _pressure_at_torque(folder / contact.torque_table, contact.torque_Nm)
     if len(given) < len(forces):
-        raise StackError(
-            f"clamps.force_N: given for {len(given)} of {len(forces)} clamps; give it for all or for none"
-        )
+        raise StackError(f"clamps.force_N: given for {len(given)} of {len(forces)} clamps; give it for all or for none")
     return sum(given) / area
 
 
@@ -422,9 +406,7 @@ def _pressure_at_torque(path: Path, torque: float) -> float:
     except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise StackError(f"{path}: needs the columns torque_Nm and pressure_kPa with numbers") from error
     if not rows or not 0.0 < torque <= rows[-1][0]:
-        raise StackError(
-            f"{path}: contact.torque_Nm = {torque:g} lies outside the table, which ends at {rows[-1:]}"
-        )
+        raise StackError(f"{path}: contact.torque_Nm = {torque:g} lies outside the table, which ends at {rows[-1:]}")
     torques, pressures = zip((0.0, 0.0), *rows, strict=True)
     return float(np.interp(torque, torques, pressures)) * 1e3
 
@@ -448,9 +430,7 @@ def _support(i: int, given: _Support) -> EdgeSupport | PatchSupport:
     used, unused = (on_edge, on_patch) if given.edge is not None else (on_patch, on_edge)
     if given.condition != "elastic":
         if any(on_edge.values()) or any(on_patch.values()):
-            raise StackError(
-                f'supports[{i}]: stiffness goes with condition = "elastic", not with {given.condition!r}'
-            )
+            raise StackError(f'supports[{i}]: stiffness goes with condition = "elastic", not with {given.condition!r}')
         held = stiffness if given.condition == "clamped" else stiffness - {"rotation"}
         used = {name: math.inf if name in held else 0.0 for name in used}
     elif any(value for name, value in unused.items() if name not in used or value != used[name]):

@@ -69,14 +69,10 @@ class HarmonicBalance:
         q[0, r], omega = a, np.sqrt(self.value[r])
         for _ in range(80):
             g, last, before = self.lost_force(q), omega, q.copy()
-            dynamic = [
-                np.diag(self.value - (h * omega) ** 2) + 1j * h * omega * self.damping for h in self.harmonic
-            ]
+            dynamic = [np.diag(self.value - (h * omega) ** 2) + 1j * h * omega * self.damping for h in self.harmonic]
             first = np.delete(np.arange(self.value.size), r)
             q[1] = np.linalg.solve(dynamic[1], g[1])
-            q[0, first] = np.linalg.solve(
-                dynamic[0][np.ix_(first, first)], (g[0] - dynamic[0][:, r] * a)[first]
-            )
+            q[0, first] = np.linalg.solve(dynamic[0][np.ix_(first, first)], (g[0] - dynamic[0][:, r] * a)[first])
             q = 0.5 * (q + before)  # half a step, for a whole one may swing
             rest = self.value[r] * a + 1j * omega * (self.damping[r] @ q[0]) - g[0, r]
             omega = np.sqrt(rest.real / a)
@@ -109,11 +105,7 @@ def beside(system, law, mode, *, n_slider, n_step):
     own = found.coordinate[:, 0] @ system.matrix("M", system.theta) @ linear.coordinate[:, 0]
     balance = HarmonicBalance(system, strain, law, n_slider=n_slider, n_step=n_step)
     f, damping = balance.resonance(mode, found.amplitude[0] * own)
-    return (
-        found.frequency[0] / f - 1,
-        found.damping[0] / damping - 1,
-        found.frequency[0] / linear.frequency[0] - 1,
-    )
+    return (found.frequency[0] / f - 1, found.damping[0] / damping - 1, found.frequency[0] / linear.frequency[0] - 1)
 
 
 def test_a_mode_is_that_of_harmonic_balance():
@@ -151,7 +143,5 @@ def test_a_backbone_costs_half_a_second(capsys):
         spent = time.process_time() - start
         drop = 1.0 - found.frequency[-1] / found.frequency[0]
         with capsys.disabled():
-            print(
-                f"\nmode {mode + 1}, {system.size} directions: {spent:.2f} s, from lowest to highest {drop:.3f}"
-            )
+            print(f"\nmode {mode + 1}, {system.size} directions: {spent:.2f} s, from lowest to highest {drop:.3f}")
         assert spent < 0.5

@@ -27,9 +27,7 @@ def test_beam_in_one_universal_file(tmp_path):
     np.testing.assert_allclose(np.diff(frf.frequency), 0.1, rtol=1e-9)
     np.testing.assert_array_equal(frf.input.node, [21])
     # the points have rotated displacement systems: what is called x there is not the global x
-    np.testing.assert_allclose(
-        frf.output.direction, [[-0.44807361612917, 0, 0.89399666360055785]] * 3, rtol=1e-12
-    )
+    np.testing.assert_allclose(frf.output.direction, [[-0.44807361612917, 0, 0.89399666360055785]] * 3, rtol=1e-12)
     np.testing.assert_array_equal(frf.input.direction, [[1, 0, 0]])
     peak = frf.band(140, 150)
     assert peak.frequency[np.argmax(np.abs(peak.value[0, 0]))] == pytest.approx(144.63, abs=0.1)

@@ -23,9 +23,7 @@ ENTRY = re.compile(r"(?m)^(\S.*?)(?: *:.*)?$")
 def documented(text, title):
     """Names in a section of a docstring."""
     sections = dict(SECTION.findall(inspect.cleandoc(text)))
-    return [
-        name.lstrip("*") for entry in ENTRY.findall(sections.get(title, "")) for name in entry.split(", ")
-    ]
+    return [name.lstrip("*") for entry in ENTRY.findall(sections.get(title, "")) for name in entry.split(", ")]
 
 
 def public(owner, module):
@@ -62,10 +60,7 @@ def test_docstrings_say_what_there_is(name):
 
 
 def test_what_a_module_makes_is_found():
-    names = {
-        item.__qualname__
-        for item in public(importlib.import_module("ema.types.geometry"), "ema.types.geometry")
-    }
+    names = {item.__qualname__ for item in public(importlib.import_module("ema.types.geometry"), "ema.types.geometry")}
     assert {"Geometry", "Dof", "Dofs"} <= names
     assert any("." in name for name in names)  # methods, too
 

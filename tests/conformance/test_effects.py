@@ -62,9 +62,7 @@ def effect(factor=None, target="K", krons=None, **changes):
         "summary": "A trial",
         "description": "Trial.\n\nEnters: a\nRange: b\nDoes: c\nMistaken for: d",
         "parameters": (
-            model.Parameter(
-                name="strength", unit="Pa", nominal=1e6, lower=0.0, upper=1e8, source="this test"
-            ),
+            model.Parameter(name="strength", unit="Pa", nominal=1e6, lower=0.0, upper=1e8, source="this test"),
         ),
         "terms": terms,
     }
@@ -134,11 +132,7 @@ def test_the_trial_effects_have_no_faults():
         ({"factor": Formula(lambda t: -1e3 * t["strength"])}, "the matrix K is negative"),
         ({"factor": Formula(lambda t: -1e6 * t["strength"]), "target": "C"}, "the matrix C is negative"),
         (
-            {
-                "factor": Formula(lambda t: -t["strength"]),
-                "target": "M",
-                "krons": grounding,
-            },
+            {"factor": Formula(lambda t: -t["strength"]), "target": "M", "krons": grounding},
             "the matrix M is not positive",
         ),
         (
@@ -175,10 +169,7 @@ def test_a_broken_effect_is_seen(broken, expected):
 
 def test_labels_tell_effects_apart():
     assert len({effect.label for effect in EFFECTS.values()}) == len(EFFECTS)
-    assert model.printed_effects(["clamp_inertia", "unknown"]) == (
-        "clamp rotary inertia (clamp_inertia)",
-        "unknown",
-    )
+    assert model.printed_effects(["clamp_inertia", "unknown"]) == ("clamp rotary inertia (clamp_inertia)", "unknown")
 
 
 def test_stated_units_and_sources_are_demanded():

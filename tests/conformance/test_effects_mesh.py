@@ -23,9 +23,7 @@ HEAVY = {"clamp_roll_inertia": 0.017, "clamp_station": 0.23}
 
 def observation():
     x = np.linspace(-0.5, 0.5, 11) * STACK.length
-    corner = [
-        (y, z) for y in (-STACK.width / 2, STACK.width / 2) for z in (-STACK.height / 2, STACK.height / 2)
-    ]
+    corner = [(y, z) for y in (-STACK.width / 2, STACK.width / 2) for z in (-STACK.height / 2, STACK.height / 2)]
     place = np.array([(at, *c) for at in x for c in corner])
     return model.Observation(
         node=np.repeat(np.arange(len(place)), 3),
@@ -55,11 +53,7 @@ def change(stack, effect, mesh):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[] if name in ONCE_OFF else pytest.mark.benchmark)
-        for name in model.catalogue()
-    ],
+    "name", [pytest.param(name, marks=[] if name in ONCE_OFF else pytest.mark.benchmark) for name in model.catalogue()]
 )
 def test_an_effect_changes_modes_as_much_on_a_finer_mesh(name):
     effect = model.catalogue()[name]
@@ -96,13 +90,7 @@ def test_a_strong_effect_moves_modes_as_much_on_a_finer_mesh(name, values, off):
             stack.with_effects(*model.find_effects([name]), **values), n_snapshot=2, n_mode=N_MODE + 6
         )
         modes = model.solve_modes(
-            system,
-            G_f=1500.0,
-            d_f=0.0,
-            n_mode=N_MODE + 4,
-            observation=observation(),
-            parameters=values,
-            by=(),
+            system, G_f=1500.0, d_f=0.0, n_mode=N_MODE + 4, observation=observation(), parameters=values, by=()
         )
         found.append(modes.elastic().frequency)
     np.testing.assert_allclose(found[0], found[1], rtol=off)

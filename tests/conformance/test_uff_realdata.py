@@ -127,8 +127,6 @@ def test_files_of_other_formats_say_what_to_do(name):
     with pytest.raises(MeasurementError, match="not a universal file") as error:
         read_uff_functions(REALDATA / name)
     assert name in str(error.value)
-    with pytest.raises(
-        MeasurementError, match=r"convert binary files \(MATLAB, NumPy, zip\) to CSV"
-    ) as error:
+    with pytest.raises(MeasurementError, match=r"convert binary files \(MATLAB, NumPy, zip\) to CSV") as error:
         read_table(REALDATA / name, TableLayout(layout="real-imaginary"), None)
     assert name in str(error.value)

@@ -19,9 +19,7 @@ measured = tested["M1"].modal_model
 fit = updating.fit(stack.with_contact(pressure=160e3), measured)
 compared = updating.correlate(measured, fit.modes, fit.pairing)
 points = updating.correlate_points(measured, fit.modes, fit.pairing)
-print(
-    f"M1: frequency errors {np.round(100 * compared.frequency_error, 2)} %, MAC {np.round(compared.mac, 4)}"
-)
+print(f"M1: frequency errors {np.round(100 * compared.frequency_error, 2)} %, MAC {np.round(compared.mac, 4)}")
 print(f"least COMAC {points.comac.min():.4f} at point {points.node[np.argmin(points.comac)]}")
 
 r, s = fit.pairing.measured, fit.pairing.model
@@ -34,9 +32,7 @@ likeness = updating.macxp(
 print(f"MACXP of the pairs {np.round(np.diag(likeness), 3)}")
 
 # Measured shapes on the whole stack, and where the model's stiffness is off.
-registration = updating.register(
-    fit.stack, measured.geometry, measured.node, measured.direction, tolerance=0.01
-)
+registration = updating.register(fit.stack, measured.geometry, measured.node, measured.direction, tolerance=0.01)
 expanded = updating.expand(measured.shape, measured.shape_std, fit.modes)
 system = model.reduce(fit.stack, n_snapshot=4)
 fault = updating.map_error(

@@ -4,14 +4,7 @@ from pathlib import Path
 
 from tests.studies import blind, pooled, slipping
 from tests.studies.blind_figures import figures, held_out_errors, mean_set_size
-from tests.studies.other_worlds import (
-    FIRST_OF_STACKS,
-    RECORD,
-    STACKS_RECORD,
-    OtherCase,
-    median_fall,
-    stack_of,
-)
+from tests.studies.other_worlds import FIRST_OF_STACKS, RECORD, STACKS_RECORD, OtherCase, median_fall, stack_of
 from tests.studies.other_worlds import figures as figures_elsewhere
 from tests.studies.other_worlds import planned as planned_elsewhere
 from tests.studies.runner import recorded

@@ -59,9 +59,7 @@ def test_edited_poles_are_given_back(write_small_campaign, tmp_path, undrawn):
     done = lamella("ema", campaign, "-o", tmp_path / "second", "--poles", tmp_path / "first")
     assert done.returncode == 0, done.stderr
     first, second = (
-        json.loads((tmp_path / run / "C1/modal_model.json").read_text(encoding="utf-8"))["result"][
-            "frequency"
-        ]
+        json.loads((tmp_path / run / "C1/modal_model.json").read_text(encoding="utf-8"))["result"]["frequency"]
         for run in ("first", "second")
     )
     # The residual terms take over the missing mode's skirt only roughly, so its neighbour moves by some 0.04 %.

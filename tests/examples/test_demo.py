@@ -17,9 +17,7 @@ TRUTH = Path(__file__).parents[2] / "data/demo_stack/truth.json"
 @pytest.fixture(scope="module")
 def truth():
     result = json.loads(TRUTH.read_text(encoding="utf-8"))["result"]
-    return {
-        c["name"]: (c, m) for c, m in zip(result["configurations"], result["modes"], strict=True)
-    }, result["band"]
+    return {c["name"]: (c, m) for c, m in zip(result["configurations"], result["modes"], strict=True)}, result["band"]
 
 
 def test_every_true_mode_of_the_band_is_identified_and_no_other(demo, truth):

@@ -54,9 +54,7 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
     campaign.write_text(campaign.read_text(encoding="utf-8") + "\n", encoding="utf-8")
     command.diagnose_campaign(campaign, tmp_path / "out", [], console)
     assert len(made) == 2
-    assert repr(made[1].ranking) == repr(
-        made[0].ranking
-    )  # wherever it was made, and with a model that was read back
+    assert repr(made[1].ranking) == repr(made[0].ranking)  # wherever it was made, and with a model that was read back
     scatter = tmp_path / "scatter.toml"
     scatter.write_text("frequency = 0.2\ndamping = 0.9\n", encoding="utf-8")
     doubtful = command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter_file=scatter)
@@ -69,9 +67,7 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
 
 
 @pytest.mark.slow
-def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(
-    write_small_campaign, tmp_path, monkeypatch
-):
+def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(write_small_campaign, tmp_path, monkeypatch):
     whole, made, campaign = model.catalogue(), [], write_small_campaign(tmp_path, 2)
     scatter = tmp_path / "scatter.toml"
     scatter.write_text("frequency = 0.05\n", encoding="utf-8")
@@ -87,23 +83,13 @@ def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(
     shown, out = io.StringIO(), tmp_path / "out"
     monkeypatch.setattr(fit_command, "OUT", Console(file=shown, width=250))
     command.diagnose_campaign(campaign, out, [], Console(quiet=True), scatter_file=scatter)
-    fit_command.fit_command(
-        campaign, out, 0.8, ["clamp_mass"], [], scatter, None, keep=False, identify_anew=False
-    )
-    assert len(made) == (
-        1 if made[0].has(("clamp_mass",)) else 2
-    )  # where it can, it is the one that was there
+    fit_command.fit_command(campaign, out, 0.8, ["clamp_mass"], [], scatter, None, keep=False, identify_anew=False)
+    assert len(made) == (1 if made[0].has(("clamp_mass",)) else 2)  # where it can, it is the one that was there
     found = read_result(out / "diagnosis.json", Diagnosis)
     base, added = read_result(out / "ledger.json", Ledger).entry
     for entry, effects in ((base, ()), (added, ("clamp_mass",))):
         own = found.ranked(effects)
-        numbers = (
-            entry.error,
-            entry.mode_error,
-            entry.configuration_error,
-            entry.damping_error,
-            entry.chi_square,
-        )
+        numbers = (entry.error, entry.mode_error, entry.configuration_error, entry.damping_error, entry.chi_square)
         assert numbers == pytest.approx(
             (
                 own.frequency_error, own.left_out_error, own.left_out_configuration_error, own.damping_error,

@@ -80,9 +80,7 @@ def test_constants_in_the_table_of_thresholds_exist():
     table = text_of(ROOT / "docs/theory.md").partition("## Thresholds")[2]
     rows = re.findall(r"(?m)^\| `([\w.]+)` \| (.*?) \|", table)
     assert len(rows) > 5
-    missing = {
-        f"{m}.{c}" for m, names in rows for c in re.findall(r"`(\w+)`", names) if not exists(f"{m}.{c}")
-    }
+    missing = {f"{m}.{c}" for m, names in rows for c in re.findall(r"`(\w+)`", names) if not exists(f"{m}.{c}")}
     assert not missing
 
 
@@ -91,9 +89,7 @@ def test_every_page_is_in_the_table_of_contents():
     assert {page.stem for page in (ROOT / "docs").glob("*.md")} - {"index"} <= set(listed)
 
 
-@pytest.mark.parametrize(
-    "script", sorted((ROOT / "docs/gallery").glob("*.py")), ids=lambda script: script.stem
-)
+@pytest.mark.parametrize("script", sorted((ROOT / "docs/gallery").glob("*.py")), ids=lambda script: script.stem)
 def test_an_example_reads_what_is_there_and_imports_what_exists(script):
     text = text_of(script)
     assert re.match(r'"""\n(.+)\n=+\n', text)
@@ -101,9 +97,7 @@ def test_an_example_reads_what_is_there_and_imports_what_exists(script):
     assert files
     assert not [name for name in files if not (ROOT / "data" / name).exists()]
     imports = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
-    assert not [
-        f"{i.module}.{a.name}" for i in imports for a in i.names if not exists(f"{i.module}.{a.name}")
-    ]
+    assert not [f"{i.module}.{a.name}" for i in imports for a in i.names if not exists(f"{i.module}.{a.name}")]
 
 
 def test_what_does_not_exist_is_seen():

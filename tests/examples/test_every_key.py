@@ -173,12 +173,10 @@ input = "1+z"
 band_Hz = [60, 240]
 order = 8
 """
-CAMPAIGN_BLOCKS = CAMPAIGN_TIME.replace(
-    "response_end = 0.9\nforce_s = 1.5\n", "block_s = 2\noverlap = 0.5\n"
-).replace('["blow_1.csv", "blow_2.csv"]', '"record.csv"')
-CAMPAIGN_HITS = CAMPAIGN_BLOCKS.replace(
-    "block_s = 2\noverlap = 0.5\n", "block_s = 1.5\nbefore_hit_s = 0.05\n"
+CAMPAIGN_BLOCKS = CAMPAIGN_TIME.replace("response_end = 0.9\nforce_s = 1.5\n", "block_s = 2\noverlap = 0.5\n").replace(
+    '["blow_1.csv", "blow_2.csv"]', '"record.csv"'
 )
+CAMPAIGN_HITS = CAMPAIGN_BLOCKS.replace("block_s = 2\noverlap = 0.5\n", "block_s = 1.5\nbefore_hit_s = 0.05\n")
 
 CAMPAIGN_ARRAYS = CAMPAIGN_TIME.replace(
     '[measurement.table]\nlayout = "time"\nsampling_Hz = 600\n',
@@ -495,14 +493,10 @@ FILES = {
     "hits": Used(CampaignFile, CAMPAIGN_HITS, "ema", slow=True),
     "blocks": Used(CampaignFile, CAMPAIGN_BLOCKS, "ema", slow=True),
     "variables": Used(CampaignFile, variables('frf = "H"', "axis_start = 60\naxis_step = 0.5"), "ema"),
-    "parts": Used(
-        CampaignFile, variables('real = "re"\nimaginary = "im"', 'frequency = "f"'), "ema", slow=True
-    ),
+    "parts": Used(CampaignFile, variables('real = "re"\nimaginary = "im"', 'frequency = "f"'), "ema", slow=True),
     "polar parts": Used(
         CampaignFile,
-        variables(
-            'magnitude = "dB"\nphase = "angle"\nmagnitude_unit = "dB"\nphase_unit = "rad"', 'frequency = "f"'
-        ),
+        variables('magnitude = "dB"\nphase = "angle"\nmagnitude_unit = "dB"\nphase_unit = "rad"', 'frequency = "f"'),
         "ema",
         slow=True,
     ),

@@ -208,9 +208,7 @@ def squares(folder, at, item):
 N_ITEM = 6
 
 
-@pytest.mark.parametrize(
-    "at", [pytest.param(i, marks=() if i == 3 else pytest.mark.slow) for i in range(N_ITEM)]
-)
+@pytest.mark.parametrize("at", [pytest.param(i, marks=() if i == 3 else pytest.mark.slow) for i in range(N_ITEM)])
 def test_every_exchange(tmp_path, written, monkeypatch, at):
     monkeypatch.setattr(workers_module, "n_processor", lambda: 2)
     whole, out = tmp_path / "whole", tmp_path / "out"
@@ -235,9 +233,7 @@ def at_work(small, numbers, specification, monkeypatch):
     monkeypatch.setattr(workers_module, "n_processor", lambda: 2)
     known = diagnose_command.catalogue()
     monkeypatch.setattr(diagnose_command, "catalogue", lambda _: {name: known[name] for name in FEW})
-    monkeypatch.setattr(
-        diagnose_command, "cached_model", candidate_model
-    )  # what is cached is not reduced again
+    monkeypatch.setattr(diagnose_command, "cached_model", candidate_model)  # what is cached is not reduced again
 
     def report(folder):
         shutil.copytree(done, folder, ignore=DRAWN, dirs_exist_ok=True)

@@ -15,9 +15,7 @@ VISIBLE = 0.02  # of the strongest resonance in the band
 
 def planted(truth, configuration):
     """Return the planted frequencies, Hz, of the band that show in the FRFs."""
-    modes = dict(zip([c["name"] for c in truth["configurations"]], truth["modes"], strict=True))[
-        configuration
-    ]
+    modes = dict(zip([c["name"] for c in truth["configurations"]], truth["modes"], strict=True))[configuration]
     frequency, strength = np.array(modes["tested_frequency"]), np.array(modes["strength"])
     inside = (frequency > truth["band"][0]) & (frequency < truth["band"][1])
     return frequency[inside & (strength > VISIBLE * strength[inside].max())]
@@ -45,10 +43,7 @@ def test_a_campaign_is_small_and_keeps_its_secret(name):
 
 
 def test_one_campaign_has_none_one_a_pair_and_six_one_effect():
-    count = [
-        len(json.loads((DATA / n / "truth.json").read_text(encoding="utf-8"))["result"]["effects"])
-        for n in NAMES
-    ]
+    count = [len(json.loads((DATA / n / "truth.json").read_text(encoding="utf-8"))["result"]["effects"]) for n in NAMES]
     assert sorted(count) == [0, 1, 1, 1, 1, 1, 1, 2]
 
 

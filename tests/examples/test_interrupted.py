@@ -69,10 +69,7 @@ def test_a_fit_that_is_stopped_twice_goes_on_and_ends_with_the_same_bytes(small,
     assert [found.configuration.name for found, _ in again] == ["C1", "C2", "C3", "C4"]
     assert (out / "C1/fit.json").stat().st_mtime_ns == kept
     assert len(written(whole)) == 21
-    assert {**written(out), "campaign.json": b""} == {
-        **written(whole),
-        "campaign.json": b"",
-    }  # its path is relative
+    assert {**written(out), "campaign.json": b""} == {**written(whole), "campaign.json": b""}  # its path is relative
 
 
 @posix
@@ -93,8 +90,7 @@ def test_an_updating_that_is_killed_goes_on_and_ends_with_the_same_bytes(small, 
     campaign, _ = small
     specification, out = tmp_path / "update.toml", tmp_path / "out"
     specification.write_text(
-        f'name = "small"\n[[campaign]]\nfile = "{campaign}"\nconfigurations = ["C1"]\n',
-        encoding="utf-8",
+        f'name = "small"\n[[campaign]]\nfile = "{campaign}"\nconfigurations = ["C1"]\n', encoding="utf-8"
     )
     stopped(["update", specification, "-o", out], out / "C1/modal_model.json", signal.SIGKILL)
     assert not (out / "update.json").exists()

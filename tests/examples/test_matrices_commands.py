@@ -28,9 +28,7 @@ def test_the_hidden_mass_is_found(done):
     assert "root_springs" in fitted.stdout
     said = " ".join(diagnosed.stdout.split())
     assert said.startswith("Identified: a mass at corner (mass_at_corner)")
-    value, low, high = (
-        float(v) for v in re.search(r"= ([\d.]+) g \(95 %: ([\d.]+) g to ([\d.]+) g\)", said).groups()
-    )
+    value, low, high = (float(v) for v in re.search(r"= ([\d.]+) g \(95 %: ([\d.]+) g to ([\d.]+) g\)", said).groups())
     assert low - 0.5 < 45.0 < high + 0.5
     assert value == pytest.approx(45.0, rel=0.03)
     made = lamella("report", folder)
@@ -87,9 +85,7 @@ def test_a_first_structure_file_is_written(tmp_path):
     assert 'stack = "structure.toml"' in (tmp_path / "campaign.toml").read_text()
     asked = lamella("model", file, "-o", tmp_path / "out")
     assert "matrices.units = '?'" in asked.stderr or "band_Hz" in asked.stderr
-    filled = (
-        file.read_text().replace('units = "?"', 'units = "mm-t-s"').replace('band_Hz = "?"', "band_Hz = 400")
-    )
+    filled = file.read_text().replace('units = "?"', 'units = "mm-t-s"').replace('band_Hz = "?"', "band_Hz = 400")
     file.write_text(filled)
     solved = lamella("model", file, "-o", tmp_path / "out")
     assert solved.returncode == 0, solved.stderr

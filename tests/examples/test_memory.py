@@ -11,10 +11,7 @@ import pytest
 from ema import FRF, Dofs, Geometry
 from ema.io.uff import write_uff
 
-pytestmark = [
-    pytest.mark.benchmark,
-    pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads /proc"),
-]
+pytestmark = [pytest.mark.benchmark, pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads /proc")]
 
 
 def peak(process):
@@ -28,12 +25,7 @@ def peak(process):
 
 def peaks(arguments):
     """Run a command and return the most memory of its main process and of any worker, MB."""
-    command = [
-        sys.executable,
-        "-c",
-        "from updating.commands.command_line import main; main()",
-        *map(str, arguments),
-    ]
+    command = [sys.executable, "-c", "from updating.commands.command_line import main; main()", *map(str, arguments)]
     main = worker = 0.0
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
@@ -53,10 +45,7 @@ def test_two_hundred_configurations_take_the_memory_of_twenty(write_small_campai
         found[n] = peaks(["fit", write_small_campaign(folder, n), "-o", folder / "out"])
     with capsys.disabled():
         for n, (main, worker) in found.items():
-            print(
-                f"\n{n} configurations: {main:.0f} MB in the main process, {worker:.0f} MB in a worker",
-                end="",
-            )
+            print(f"\n{n} configurations: {main:.0f} MB in the main process, {worker:.0f} MB in a worker", end="")
     for few, many in zip(found[20], found[200], strict=True):
         assert many < 1.1 * few
 
@@ -88,10 +77,7 @@ def universal_file(folder, n_line):
 def test_a_large_universal_file_takes_few_times_its_arrays(tmp_path, capsys):
     """Beyond what the same file takes of few lines: modules, and the pictures."""
     size = {n: universal_file(tmp_path / str(n), n) for n in (2000, 30_000)}
-    taken = {
-        n: peaks(["ema", tmp_path / str(n) / "campaign.toml", "-o", tmp_path / str(n) / "out"])[0]
-        for n in size
-    }
+    taken = {n: peaks(["ema", tmp_path / str(n) / "campaign.toml", "-o", tmp_path / str(n) / "out"])[0] for n in size}
     times = (taken[30_000] - taken[2000]) / (size[30_000] - size[2000])
     with capsys.disabled():
         print(f"\n{size[30_000]:.0f} MB of functions: {taken[30_000]:.0f} MB, {times:.2f} times more", end="")

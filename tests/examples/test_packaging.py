@@ -23,10 +23,7 @@ def carried():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     patterns = project["tool"]["setuptools"]["data-files"].items()
     return {
-        (place, file.relative_to(ROOT))
-        for place, several in patterns
-        for one in several
-        for file in ROOT.glob(one)
+        (place, file.relative_to(ROOT)) for place, several in patterns for one in several for file in ROOT.glob(one)
     }
 
 
@@ -70,9 +67,7 @@ def test_a_wheel_is_small_and_a_source_archive_whole(tmp_path):
     for name in listed.splitlines():
         (source / name).parent.mkdir(parents=True, exist_ok=True)
         (source / name).write_bytes((ROOT / name).read_bytes())
-    subprocess.run(
-        [sys.executable, "-m", "build", "--outdir", tmp_path, source], capture_output=True, check=True
-    )
+    subprocess.run([sys.executable, "-m", "build", "--outdir", tmp_path, source], capture_output=True, check=True)
     (wheel,), (archive,) = tmp_path.glob("*.whl"), tmp_path.glob("*.tar.gz")
     assert wheel.stat().st_size < LARGEST
     names = zipfile.ZipFile(wheel).namelist()

@@ -46,9 +46,7 @@ def test_counts_are_those_of_the_tests():
 def test_the_table_of_corruptions_says_what_was_recorded():
     cases = recorded(corruptions_study.RECORD, corruptions_study.Case)
     seeds = range(corruptions_study.FIRST_SEED, corruptions_study.FIRST_SEED + corruptions_study.SEEDS)
-    assert [(case.seed, case.kind) for case in cases] == [
-        (s, k) for s in seeds for k in corruptions.CORRUPTIONS
-    ]
+    assert [(case.seed, case.kind) for case in cases] == [(s, k) for s in seeds for k in corruptions.CORRUPTIONS]
     assert all(case.outcome == "harmless" for case in cases if case.kind == "none")  # nothing was spoiled
     lines = PAGE.splitlines()
     start = lines.index(f"| of {len(corruptions.CORRUPTIONS) - 1} kinds, five campaigns | cases |") + 2

@@ -213,18 +213,7 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
     assert ended, f"the page's scripts did not come to their end; they told {out}"
     assert out["said"] == []
     assert out["requests"] == []
-    for what in (
-        "drawn",
-        "moves",
-        "pauses",
-        "turns",
-        "returns",
-        "otherMode",
-        "beside",
-        "anchors",
-        "chosen",
-        "wide",
-    ):
+    for what in ("drawn", "moves", "pauses", "turns", "returns", "otherMode", "beside", "anchors", "chosen", "wide"):
         assert out[what], what
     assert out["charts"] >= 7  # of each configuration MAC, functions and stabilisation, and the modes of both
     assert out["functions"] == 44
@@ -245,14 +234,10 @@ def test_the_page_prints_as_a_pdf(page):
 
 def test_only_the_sections_that_are_asked_for_are_on_the_page(demo, tmp_path, monkeypatch):
     folder = shutil.copytree(demo[0], tmp_path / "some", ignore=shutil.ignore_patterns("figures", "report.*"))
-    monkeypatch.setattr(
-        page_module, "configuration_section", lambda tested, _, added: modes_section(tested, added)
-    )
+    monkeypatch.setattr(page_module, "configuration_section", lambda tested, _, added: modes_section(tested, added))
     text = write_report(folder, only=("answer", "Provenance")).read_text(encoding="utf-8")
     assert re.findall(r"<h2>(.*?)</h2>", text) == ["Answer", "Provenance"]
-    with pytest.raises(
-        StoreError, match="no section of the report begins with 'shapes'; there are: Answer, In full"
-    ):
+    with pytest.raises(StoreError, match="no section of the report begins with 'shapes'; there are: Answer, In full"):
         write_report(folder, only=("shapes",))
 
 
@@ -332,10 +317,7 @@ def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
     modes = replace(
         tested.measured,
         geometry=replace(
-            geometry,
-            node=geometry.node[known],
-            coordinate=geometry.coordinate[known],
-            axes=geometry.axes[known],
+            geometry, node=geometry.node[known], coordinate=geometry.coordinate[known], axes=geometry.axes[known]
         ),
     )
     picture = frf_picture(replace(tested, measured=modes), tested.frf(), {})
@@ -509,9 +491,7 @@ def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tm
     shutil.copytree(demo[0], tmp_path / "many", ignore=shutil.ignore_patterns("figures", "report.*"))
     monkeypatch.setattr(page_module, "MOST_TOGETHER", 1)
     # without the figures, to be quick
-    monkeypatch.setattr(
-        page_module, "configuration_section", lambda tested, _, added: modes_section(tested, added)
-    )
+    monkeypatch.setattr(page_module, "configuration_section", lambda tested, _, added: modes_section(tested, added))
     front = write_report(tmp_path / "many")
     text = front.read_text(encoding="utf-8")
     assert "Modes of M1" not in text

@@ -64,9 +64,7 @@ def test_an_edited_fit_is_left_out_or_marked(results):
     assert found.remarks[0].startswith("C1/fit.json was changed after it was written, and is left out")
     kept = read_results(out, keep=True)
     assert kept.tested[0].fit.G_f.value == pytest.approx(1.01 * true)
-    assert kept.remarks == (
-        "C1/fit.json was changed after it was written, and is used all the same (--keep).",
-    )
+    assert kept.remarks == ("C1/fit.json was changed after it was written, and is used all the same (--keep).",)
     assert opening_section(kept).text == kept.remarks
     ((_, used),) = fit_campaign(campaign, out, 0.8, QUIET, keep=True)
     assert used.G_f.value == pytest.approx(1.01 * true)
@@ -75,14 +73,10 @@ def test_an_edited_fit_is_left_out_or_marked(results):
 def test_edited_modes_are_an_error_of_a_report(results):
     _, out = results
     shifted(out / "C1/modal_model.json", "frequency", 0)
-    with pytest.raises(
-        StoreError, match=r"modal_model\.json: was changed after it was written; make it anew"
-    ):
+    with pytest.raises(StoreError, match=r"modal_model\.json: was changed after it was written; make it anew"):
         read_results(out)
     remarks = read_results(out, keep=True).remarks
-    assert (
-        "C1/modal_model.json was changed after it was written, and is used all the same (--keep)." in remarks
-    )
+    assert "C1/modal_model.json was changed after it was written, and is used all the same (--keep)." in remarks
     assert any(r.startswith("C1/fit.json comes from another modal_model.json than is here") for r in remarks)
 
 
@@ -123,9 +117,7 @@ def test_a_fit_of_another_configuration_is_noticed(small, results):
 def test_another_measurement_is_noticed(small, results):
     _, out = results
     shutil.copy(small[1] / "C2/measurement.npz", out / "C1/measurement.npz")
-    with pytest.raises(
-        StoreError, match=r"modal_model\.json: comes from another measurement\.npz than is here"
-    ):
+    with pytest.raises(StoreError, match=r"modal_model\.json: comes from another measurement\.npz than is here"):
         read_results(out)
 
 
@@ -162,9 +154,7 @@ def test_no_code_comes_from_a_file():
                     continue
                 name = ast.unparse(node.func)
                 if name == "np.load":
-                    assert any(
-                        k.arg == "allow_pickle" and ast.unparse(k.value) == "False" for k in node.keywords
-                    )
+                    assert any(k.arg == "allow_pickle" and ast.unparse(k.value) == "False" for k in node.keywords)
                 elif name.split(".")[0] in ("pickle", "cloudpickle", "joblib", "shelve", "marshal", "dill") or name in (
                     "eval", "exec", "read_pickle",
                 ):  # fmt: skip

@@ -61,9 +61,7 @@ def test_the_error_falls_on_data_used_and_held_out(done):
     assert base.strained  # without the law, contact is pulled apart from torque to torque
     assert not law.strained
     assert law.chi_square < base.chi_square
-    assert (
-        "the contact stiffness G_f would have to be" in base.strained[0]
-    )  # else the base model meets nothing
+    assert "the contact stiffness G_f would have to be" in base.strained[0]  # else the base model meets nothing
     assert not law.strained
 
 

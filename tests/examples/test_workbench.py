@@ -81,9 +81,7 @@ def address(folder):
 def page(address):
     """The workbench in a browser, with what its console said and whom it asked."""
     with sync_api.sync_playwright() as play:
-        browser = play.chromium.launch(
-            executable_path=BROWSER, args=["--no-sandbox", "--enable-unsafe-swiftshader"]
-        )
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--enable-unsafe-swiftshader"])
         shown = browser.new_page(viewport={"width": 1400, "height": 1000})
         shown.set_default_timeout(PATIENCE)
         shown.said, shown.asked = [], []
@@ -106,9 +104,7 @@ def says(page, selector, words):
 
 def status(url, **headers):
     try:
-        with urllib.request.urlopen(
-            urllib.request.Request(url, headers=headers), timeout=PATIENCE / 1000
-        ) as answer:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=PATIENCE / 1000) as answer:
             return answer.status
     except urllib.error.HTTPError as error:
         return error.code
@@ -176,9 +172,7 @@ def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
       plot.emit('plotly_click', { points: [{ pointNumber: 4, curveNumber: plot.data.length - 1 }] }); })()"""
     page.evaluate(click)
     page.wait_for_function(f"{names}.includes('5+z over')")
-    lines = (
-        "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.line?.color).filter(Boolean)"
-    )
+    lines = "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.line?.color).filter(Boolean)"
     assert page.evaluate(lines)[:2] == [palette.MEASURED, palette.MODES]  # as in the report
     about, others = findings(read_results(folder[1]).tested[0], 5)
     for name, told in (("about", about), ("others", others)):
@@ -315,9 +309,7 @@ def test_who_cannot_see_or_point_uses_every_panel_too(page, panels):
 def test_fit_these_ends_at_the_numbers_of_the_diagnosis_and_the_sliders_follow(page, folder):
     enter(page, "What if")
     page.wait_for_selector(".slider input", state="attached")
-    if (
-        "clamp_added_mass" not in page.locator(".slider").all_text_contents()[-1]
-    ):  # a test before may have chosen it
+    if "clamp_added_mass" not in page.locator(".slider").all_text_contents()[-1]:  # a test before may have chosen it
         page.locator("#effects").click()
         page.keyboard.type("clamp mass")
         page.get_by_role("option", name="clamp mass").click()

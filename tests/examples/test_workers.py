@@ -30,9 +30,7 @@ def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_p
     found = []
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         victim = cluster.workers[0].pid
-        for one in fit_campaign(
-            campaign, tmp_path / "out", 0.8, Console(quiet=True), cluster.scheduler_address
-        ):
+        for one in fit_campaign(campaign, tmp_path / "out", 0.8, Console(quiet=True), cluster.scheduler_address):
             if not found:
                 os.kill(victim, signal.SIGKILL)
             found.append(one)
@@ -110,9 +108,7 @@ if __name__ == "__main__":
 def test_a_stop_amidst_a_result_that_is_being_sent_ends(tmp_path):
     script = tmp_path / "stopped.py"
     script.write_text(STOPPED_AMIDST_A_RESULT, encoding="utf-8")
-    stopped = subprocess.run(
-        [sys.executable, script], check=False, timeout=300, capture_output=True, text=True
-    )
+    stopped = subprocess.run([sys.executable, script], check=False, timeout=300, capture_output=True, text=True)
     assert stopped.stderr.splitlines()[-1] == "KeyboardInterrupt"
 
 
@@ -180,9 +176,7 @@ def test_a_cluster_that_does_not_answer_is_said(address, words, monkeypatch):
 def test_without_dask_the_way_to_have_it_is_said(small, monkeypatch, tmp_path, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     monkeypatch.delitem(sys.modules, "updating.workers.cluster", raising=False)
-    monkeypatch.setattr(
-        sys, "argv", ["lamella", "fit", str(small[0]), "-o", str(tmp_path), "--cluster", "tcp://a:1"]
-    )
+    monkeypatch.setattr(sys, "argv", ["lamella", "fit", str(small[0]), "-o", str(tmp_path), "--cluster", "tcp://a:1"])
     with pytest.raises(SystemExit):
         main()
     assert 'pip install "lamella[cluster]"' in " ".join(capsys.readouterr().err.split())

@@ -52,9 +52,7 @@ def _arguments() -> argparse.Namespace:
     for one in (drawn, answered):
         one.add_argument("--folder", type=Path, default=FOLDER, help="where drawn cases are kept")
         one.add_argument("--setup", action="append", help="cases of this stack alone")
-        one.add_argument(
-            "--published", action="store_true", help="the cases of the published figures instead"
-        )
+        one.add_argument("--published", action="store_true", help="the cases of the published figures instead")
     command("show", "print the table of a file").add_argument("file", type=Path)
     both = command("compare", "print two files side by side")
     both.add_argument("before", type=Path)

@@ -21,11 +21,7 @@ from updating.results.store import read_result
 ROOT = Path(__file__).parents[2]
 RECORD = Path(__file__).parent / "before_campaigns.jsonl"
 """What the engine said that pairs modes by MAC."""
-CAMPAIGNS = (
-    "demo_diagnosis",
-    "demo_stack",
-    *(f"hidden_effect/{name}" for name in (*"abcdefgh", "open", "slip")),
-)
+CAMPAIGNS = ("demo_diagnosis", "demo_stack", *(f"hidden_effect/{name}" for name in (*"abcdefgh", "open", "slip")))
 """Folders of `data` of one stack each, so that one verdict is given."""
 
 
@@ -38,9 +34,7 @@ def answer_campaigns(output: Path, say: Callable[[str], None] = print) -> None:
                 own = answer_campaign(name)
                 file.write(line(own))
                 file.flush()
-                say(
-                    f"{name} ({' + '.join(own.truth) or 'nothing'}): {own.outcome}, {own.verdict} {own.names}"
-                )
+                say(f"{name} ({' + '.join(own.truth) or 'nothing'}): {own.outcome}, {own.verdict} {own.names}")
 
 
 def answer_campaign(name: str) -> Record:

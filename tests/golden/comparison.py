@@ -8,16 +8,7 @@ from statistics import median
 
 from tests.golden.record import Record, by_key, read
 
-_COLUMNS = (
-    "cases",
-    "right",
-    "with another",
-    "wrong",
-    "nothing named",
-    "raise left-out f",
-    "in vain",
-    "median s",
-)
+_COLUMNS = ("cases", "right", "with another", "wrong", "nothing named", "raise left-out f", "in vain", "median s")
 HEAD = f"| kind | {' | '.join(_COLUMNS)} |"
 _RULE = "| --- " * 9 + "|"
 
@@ -58,9 +49,7 @@ def differences(before: Sequence[Record], after: Sequence[Record]) -> Iterator[s
 def _said(own: Record) -> str:
     named = " or ".join("+".join(effects) for effects in own.names) or "no name"
     before, after = own.base.left_out_frequency, own.answer.left_out_frequency
-    errors = (
-        "" if before is None or after is None else f", left out {100 * before:.2g} -> {100 * after:.2g} %"
-    )
+    errors = "" if before is None or after is None else f", left out {100 * before:.2g} -> {100 * after:.2g} %"
     return f"{own.outcome} [{own.verdict}: {named}{errors}]"
 
 

@@ -43,8 +43,7 @@ def said(found: Diagnosis, truth: Sequence[str]) -> dict[str, Any]:
         "verdict": found.verdict,
         "names": found.set,
         "values": {
-            own.name: Value(unit=own.unit, value=own.value, lower=own.lower, upper=own.upper)
-            for own in first.parameter
+            own.name: Value(unit=own.unit, value=own.value, lower=own.lower, upper=own.upper) for own in first.parameter
         },
         "base": _errors(found.ranked(())),
         "answer": _errors(first),

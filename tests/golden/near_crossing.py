@@ -11,15 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from tests.independent.bench import Array, Bench, SecondModel, read_bench
-from tests.independent.campaign import (
-    KINDS,
-    Configuration,
-    Plan,
-    deviating,
-    nominal_points,
-    tightened,
-    visible,
-)
+from tests.independent.campaign import KINDS, Configuration, Plan, deviating, nominal_points, tightened, visible
 
 CLOSE = 5e-3
 """Largest distance of the two modes, relative to their frequency."""
@@ -135,12 +127,7 @@ def _followed(before: _Solved, after: _Solved) -> _Solved:
 
 
 def _some(whole: _Solved, which: NDArray[np.intp]) -> _Solved:
-    return replace(
-        whole,
-        log_frequency=whole.log_frequency[which],
-        shape=whole.shape[:, which],
-        seen=whole.seen[which],
-    )
+    return replace(whole, log_frequency=whole.log_frequency[which], shape=whole.shape[:, which], seen=whole.seen[which])
 
 
 def _crossings(scan: list[_Solved]) -> Iterator[_Crossing]:
@@ -154,9 +141,7 @@ def _crossings(scan: list[_Solved]) -> Iterator[_Crossing]:
             yield _Crossing(left=left, right=right, pair=(int(a), int(b)))
 
 
-def _met(
-    plan: Plan, second_model: SecondModel, torque: int, crossing: _Crossing, wanted: float
-) -> float | None:
+def _met(plan: Plan, second_model: SecondModel, torque: int, crossing: _Crossing, wanted: float) -> float | None:
     """Return the logarithm of the pressure's factor at which two modes have a distance; None where they repel."""
     left, right, pair = crossing.left, crossing.right, crossing.pair
     slope = (right.gap(pair) - left.gap(pair)) / (right.at - left.at)

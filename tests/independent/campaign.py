@@ -283,9 +283,7 @@ def deviating(plan: Plan, stated: Bench, nominal: Array, rng: np.random.Generato
     off = 5e-3 if "clamps_off" in faults else 0.0
     clamps = tuple(_moved(clamp, spread.clamp_place, off, rng) for clamp in stated.clamps)
     x, y, z = (float(value) for value in point[-1])
-    bench = dataclasses.replace(
-        stated, **sizes, **factors, clamps=clamps, planted=plan.planted, shaker=(x, y, z)
-    )
+    bench = dataclasses.replace(stated, **sizes, **factors, clamps=clamps, planted=plan.planted, shaker=(x, y, z))
     return bench, point
 
 
@@ -300,9 +298,7 @@ def tightened(plan: Plan, bench: Bench, index: int, rng: np.random.Generator) ->
     spread, stated = plan.tolerances, plan.configurations[index].pressure
     wrong = "pressure_wrong" in plan.disturbances and index == len(plan.configurations) - 1
     pressure, contact = np.exp([spread.pressure, spread.reassembly] * rng.standard_normal(2))
-    return dataclasses.replace(
-        bench, pressure=stated * pressure * (1.25 if wrong else 1.0), G_f=bench.G_f * contact
-    )
+    return dataclasses.replace(bench, pressure=stated * pressure * (1.25 if wrong else 1.0), G_f=bench.G_f * contact)
 
 
 def _damped(modes: BenchModes) -> BenchModes:
@@ -339,9 +335,7 @@ def _loaded(modes: BenchModes, shape: Array, run: int, mass: float, dummies: boo
     lost = np.einsum("ir,i,ir->r", turn, 2.0 * modes.damping * omega, turn)
     damping = np.divide(lost, 2.0 * turned, out=np.zeros_like(lost), where=turned > 2.0 * np.pi * RIGID)
 
-    return _Loaded(
-        omega=turned, damping=damping, sensor=shape[here, 2] @ turn, shaker=shape[SHAKER - 1, 2] @ turn
-    )
+    return _Loaded(omega=turned, damping=damping, sensor=shape[here, 2] @ turn, shaker=shape[SHAKER - 1, 2] @ turn)
 
 
 def _runs(plan: Plan, modes: BenchModes, point: Array) -> list[_Loaded]:
@@ -380,11 +374,7 @@ def modal_tables(simulated: Simulated, noise: TableNoise | None = None) -> list[
 
 
 def _table(
-    simulated: Simulated,
-    configuration: Configuration,
-    modes: BenchModes,
-    noise: TableNoise,
-    rng: np.random.Generator,
+    simulated: Simulated, configuration: Configuration, modes: BenchModes, noise: TableNoise, rng: np.random.Generator
 ) -> ModalTable:
     """Return the modes of one configuration."""
     plan = simulated.plan
@@ -443,10 +433,7 @@ def write_campaign(simulated: Simulated, folder: Path) -> Path:
 
 def write_points(simulated: Simulated, file: Path) -> None:
     """Write the points where the file of a laboratory has them, mm."""
-    rows = [
-        f"{node},{','.join(f'{1e3 * c:.3f}' for c in place)}"
-        for node, place in enumerate(simulated.nominal, 1)
-    ]
+    rows = [f"{node},{','.join(f'{1e3 * c:.3f}' for c in place)}" for node, place in enumerate(simulated.nominal, 1)]
     file.write_text("\n".join(["node,x,y,z", *rows]) + "\n", encoding="utf-8")
 
 
@@ -512,9 +499,7 @@ def truth(simulated: Simulated) -> dict[str, object]:
     """Return what is true as plain values, SI: shapes (44, n) along z at the nominal points, without sensor mass."""
     plan = simulated.plan
     found = []
-    for configuration, bench, modes in zip(
-        plan.configurations, simulated.bench, simulated.modes, strict=True
-    ):
+    for configuration, bench, modes in zip(plan.configurations, simulated.bench, simulated.modes, strict=True):
         half = np.array([bench.length, bench.width, bench.height]) / 2.0
         place = np.clip(simulated.nominal[: SHAKER - 1], -half, half)
         keep = (modes.frequency > plan.band[0]) & (modes.frequency < plan.band[1])

@@ -18,16 +18,8 @@ from tests.independent.solid import Solid
 BEFORE, CONTROL, AFTER = ("before", "before_again"), "control", "after"
 """States by name, each assembled anew: reference and its repeat, one that has not changed, and the changed one."""
 CHANGES: Mapping[str, tuple[int, str, Planted]] = {
-    "change_a": (
-        66_101,
-        "What did the transport do?",
-        {"loose_bolt": {"loss": 0.25, "stiffness": 3e8, "clamp": 0.9}},
-    ),
-    "change_b": (
-        66_102,
-        "What did the repair do?",
-        {"glue_patch": {"x": 0.45, "half": 0.1, "modulus": 3e8}},
-    ),
+    "change_a": (66_101, "What did the transport do?", {"loose_bolt": {"loss": 0.25, "stiffness": 3e8, "clamp": 0.9}}),
+    "change_b": (66_102, "What did the repair do?", {"glue_patch": {"x": 0.45, "half": 0.1, "modulus": 3e8}}),
 }
 
 
@@ -60,9 +52,7 @@ def main(folder: Path) -> None:
     """Write both campaigns."""
     names = (*BEFORE, CONTROL, AFTER)
     for key, (seed, title, planted) in CHANGES.items():
-        states = States(
-            plan=plan_of(seed), model=Solid(), shop=Workshop(torque=0.003, clamp=0.005, contact=0.003)
-        )
+        states = States(plan=plan_of(seed), model=Solid(), shop=Workshop(torque=0.003, clamp=0.005, contact=0.003))
         write_demo(states.simulated(names, {AFTER: planted}), folder / key, title, compact=True)
         file = folder / key / "campaign.toml"
         file.write_text(with_references(file.read_text(encoding="utf-8")), encoding="utf-8")

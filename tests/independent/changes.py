@@ -151,16 +151,10 @@ DRAWS: dict[str, Draw] = {
         right=("stiffer_patch",),
     ),
     "less pressure": Draw(
-        key="pressure",
-        parameters={"ratio": Range(lower=0.04, upper=0.4)},
-        size="ratio",
-        right=("softer_contact",),
+        key="pressure", parameters={"ratio": Range(lower=0.04, upper=0.4)}, size="ratio", right=("softer_contact",)
     ),
     "soft side": Draw(
-        key="soft_side",
-        parameters={"loss": Range(lower=0.08, upper=0.6)},
-        size="loss",
-        right=("lost_contact",),
+        key="soft_side", parameters={"loss": Range(lower=0.08, upper=0.6)}, size="loss", right=("lost_contact",)
     ),
 }
 """Kinds of change of a stack; shares `ratio` are of what is lost of `lost contact` and `softer patch`, else gained."""

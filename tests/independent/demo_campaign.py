@@ -15,16 +15,7 @@ import pyuff
 from numpy.typing import NDArray
 
 from tests.independent.bench import Array
-from tests.independent.campaign import (
-    SENSORS,
-    SHAKER,
-    Plan,
-    Simulated,
-    campaign_text,
-    simulate,
-    truth,
-    write_points,
-)
+from tests.independent.campaign import SENSORS, SHAKER, Plan, Simulated, campaign_text, simulate, truth, write_points
 from tests.independent.layered import Layered
 
 PLAN = Plan(
@@ -48,10 +39,7 @@ OPEN = Plan(
     response_noise=2e-3,
 )
 """A loss in the contact at two torques: what stiffens with frequency does the same to these modes."""
-PLANS = {
-    "demo_diagnosis": (PLAN, "Stack with a hidden effect"),
-    "open": (OPEN, "A loss that two torques cannot name"),
-}
+PLANS = {"demo_diagnosis": (PLAN, "Stack with a hidden effect"), "open": (OPEN, "A loss that two torques cannot name")}
 
 
 def write_demo(simulated: Simulated, folder: Path, name: str, *, compact: bool = False) -> None:
@@ -64,9 +52,7 @@ def write_demo(simulated: Simulated, folder: Path, name: str, *, compact: bool =
         for run, functions in enumerate(frf):
             file = folder / configuration.name / f"run_{run + 1:02d}.uff"
             file.unlink(missing_ok=True)
-            sets = [
-                one | {"abscissa_spacing": int(compact)} for one in _sets(simulated.frequency, functions, run)
-            ]
+            sets = [one | {"abscissa_spacing": int(compact)} for one in _sets(simulated.frequency, functions, run)]
             pyuff.UFF(str(file)).write_sets(sets, mode="add")
     text = campaign_text(simulated, name=name, suffix="uff")
     (folder / "campaign.toml").write_text(text, encoding="utf-8")

@@ -95,10 +95,7 @@ SAME = {
     "clamp_inertia_two": Plantable(
         catalogue="clamp_inertia",
         kind="same",
-        parameters={
-            "inertia": Range(lower=3e-4, upper=6e-3),
-            "station": Range(lower=0.1, upper=0.9, scale="lin"),
-        },
+        parameters={"inertia": Range(lower=3e-4, upper=6e-3), "station": Range(lower=0.1, upper=0.9, scale="lin")},
         description="rotary inertia (kg m2, each) about x at x = +-0.4 `station` length: bars on both faces over STRIP "
         "by the width turn as rigid bodies with the slope dw/dy of the faces under them",
     ),
@@ -222,10 +219,7 @@ LACKING = {
     "crack": Plantable(
         catalogue=None,
         kind="lacking",
-        parameters={
-            "loss": Range(lower=0.5, upper=0.97),
-            "x": Range(lower=-0.6, upper=0.6, scale="lin"),
-        },
+        parameters={"loss": Range(lower=0.5, upper=0.97), "x": Range(lower=-0.6, upper=0.6, scale="lin")},
         description="the in-plane stiffness of the CRACKED_LAMINAS top sheets falls by `loss` over length / 10 about "
         "x, with cosine edges of length / 20 beyond",
     ),

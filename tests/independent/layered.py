@@ -74,9 +74,7 @@ class Layered:
         omega = np.sqrt(np.maximum(value, 0.0))
         omega[omega < 2.0 * np.pi * RIGID] = 0.0
         found = stack.laws
-        lost = lost + energy(
-            contact_terms(stack.plan, stack.height, found.viscous, found.normal_viscous), fields
-        )
+        lost = lost + energy(contact_terms(stack.plan, stack.height, found.viscous, found.normal_viscous), fields)
         hysteretic = energy(contact_terms(stack.plan, stack.height, found.hysteretic, ()), fields)
         lost += np.divide(hysteretic, omega, out=np.zeros_like(omega), where=omega > 0.0)
         damping = np.divide(lost, 2.0 * omega, out=np.zeros_like(omega), where=omega > 0.0)
@@ -183,9 +181,7 @@ class LayeredStack:
 
     def reader(self, fields: Sequence[Array]) -> Callable[[Array], Array]:
         """Return the function from places (k, 3), m, to displacements (k, 3, n_mode)."""
-        layered = [
-            np.einsum("xycr,zc->xyzr", one, b) for one, b in zip(fields, self.height.basis, strict=True)
-        ]
+        layered = [np.einsum("xycr,zc->xyzr", one, b) for one, b in zip(fields, self.height.basis, strict=True)]
 
         def shape_at(place: Array) -> Array:
             at = np.asarray(place, float)
@@ -212,9 +208,7 @@ def _only_carried(tie: Tie) -> bool:
     return tie.gauge.layer is None and not tie.rider
 
 
-def _height_functions(
-    usual: Usual, laminas_per_layer: int, number: tuple[int, int]
-) -> tuple[Array, Array, Array]:
+def _height_functions(usual: Usual, laminas_per_layer: int, number: tuple[int, int]) -> tuple[Array, Array, Array]:
     """Return orthonormal functions of the height (n_layer, n) of u, v, w: rigid, usual, of what is planted."""
     inplane, normal = _rigid(usual.n_lamina, laminas_per_layer)
     for kind in usual.kinds:

@@ -198,10 +198,7 @@ def _steel(bench: Bench, plan: Plan, n_layer: int) -> list[Part]:
     x = plan.x - 0.5 * value(bench, "crack", "x") * bench.length
     lost = value(bench, "crack", "loss") * plateau(x, bench.length / 20.0, bench.length / 20.0)
     depth = CRACKED_LAMINAS / bench.n_lamina
-    return [
-        whole,
-        Part(planar=-lost * np.ones_like(plan.y), level=_share_of_layers(n_layer, 1.0 - depth, 1.0)),
-    ]
+    return [whole, Part(planar=-lost * np.ones_like(plan.y), level=_share_of_layers(n_layer, 1.0 - depth, 1.0))]
 
 
 def _share_of_layers(n_layer: int, low: float, high: float) -> Array:
@@ -275,13 +272,8 @@ class Rig:
         """Return a clamp that rides on springs as a rigid body: its shifts and its turns about y and x."""
         even = np.full(self.n_layer, 1.0 / self.n_layer)
         level = np.linspace(-0.5, 0.5, self.n_layer)
-        turn, spread = (
-            level / (level @ level),
-            float(np.mean(level**2)),
-        )  # slope over z, and its share of a shift's
-        shifts = [
-            Tie(gauge=dataclasses.replace(one, layer=even), stiffness=stiffness, rider=mass) for one in gauges
-        ]
+        turn, spread = (level / (level @ level), float(np.mean(level**2)))  # slope over z, and its share of a shift's
+        shifts = [Tie(gauge=dataclasses.replace(one, layer=even), stiffness=stiffness, rider=mass) for one in gauges]
         turns = [
             Tie(gauge=dataclasses.replace(one, layer=turn), stiffness=spread * stiffness, rider=spread * mass)
             for one in gauges[:2]

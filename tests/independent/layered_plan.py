@@ -78,15 +78,11 @@ class Plan:
 
     def __init__(self, along: Line, across: Line, breaks: tuple[Iterable[float], Iterable[float]] = ((), ())):
         self.lines = (along, across)
-        rules = [
-            line.rule(line.edges[0], line.edges[-1], at) for line, at in zip(self.lines, breaks, strict=True)
-        ]
+        rules = [line.rule(line.edges[0], line.edges[-1], at) for line, at in zip(self.lines, breaks, strict=True)]
         self.x: Array = rules[0][0][:, None]
         self.y: Array = rules[1][0][None, :]
         self.weight: Array = np.multiply.outer(rules[0][1], rules[1][1])
-        self._tables = [
-            [line.at(rule[0], d) for d in range(3)] for line, rule in zip(self.lines, rules, strict=True)
-        ]
+        self._tables = [[line.at(rule[0], d) for d in range(3)] for line, rule in zip(self.lines, rules, strict=True)]
         self._pairs: dict[tuple[int, int, int], Array] = {}
 
     @property

@@ -20,10 +20,7 @@ Fields = Sequence[Array]
 Strain = tuple[tuple[int, tuple[int, int], str], ...]
 """Displacements with how often they are derived along x and y, and what is taken of the layers: see `Height`."""
 
-SLIP: tuple[Strain, Strain] = (
-    ((0, (0, 0), "step"), (2, (1, 0), "mean")),
-    ((1, (0, 0), "step"), (2, (0, 1), "mean")),
-)
+SLIP: tuple[Strain, Strain] = (((0, (0, 0), "step"), (2, (1, 0), "mean")), ((1, (0, 0), "step"), (2, (0, 1), "mean")))
 """Slip of the facing surfaces over the pitch: the layers' motion, and the tilt of both of them."""
 OPENING: Strain = ((2, (0, 0), "step"),)
 STRETCH: tuple[Strain, Strain] = (((0, (1, 0), "layer"),), ((1, (0, 1), "layer"),))

@@ -19,14 +19,8 @@ USUAL = "usual"
 _AT = {"x": 0.1, "y": 0.3}
 _SNAPSHOTS: dict[str, tuple[tuple[float, Planted], ...]] = {
     USUAL: ((0.4, {}), (1.0, {"height_gradient": {"excess": 0.8}}), (2.5, {})),
-    "crack": (
-        (0.5, {"crack": {"loss": 0.95, "x": 0.4}}),
-        (1.0, {"crack": {"loss": 0.8, "x": 0.1}}),
-    ),
-    "bar": (
-        (0.25, {"clamp_inertia_four": {"inertia": 1e-3}}),
-        (1.0, {"clamp_inertia_four": {"inertia": 6e-3}}),
-    ),
+    "crack": ((0.5, {"crack": {"loss": 0.95, "x": 0.4}}), (1.0, {"crack": {"loss": 0.8, "x": 0.1}})),
+    "bar": ((0.25, {"clamp_inertia_four": {"inertia": 1e-3}}), (1.0, {"clamp_inertia_four": {"inertia": 6e-3}})),
     "pad": (
         (
             0.5,

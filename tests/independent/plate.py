@@ -186,9 +186,7 @@ class Plate:
         return bent, self.density * width * height * (at.T.multiply(share)) @ at
 
 
-def _with_absorber(
-    plate: Plate, one: Mapping[str, float], stiffness: Any, mass: Any, at: Any
-) -> tuple[Any, Any, Any]:
+def _with_absorber(plate: Plate, one: Mapping[str, float], stiffness: Any, mass: Any, at: Any) -> tuple[Any, Any, Any]:
     """Return the matrices and rows with the freedom of a mass on a spring, last of all."""
     import scipy.sparse as sp
 
@@ -199,11 +197,7 @@ def _with_absorber(
     nothing = sp.csr_array((1, 1))
     stiffness = sp.block_diag([stiffness, nothing]) + spring * (jump.T @ jump)
     mass = sp.block_diag([mass, sp.csr_array([[one["mass"]]])])
-    return (
-        stiffness.tocsc(),
-        mass.tocsc(),
-        sp.hstack([at, sp.csr_array((at.shape[0], 1))]).tocsr() if n else at,
-    )
+    return (stiffness.tocsc(), mass.tocsc(), sp.hstack([at, sp.csr_array((at.shape[0], 1))]).tocsr() if n else at)
 
 
 def _with_lines(line: Array, at: Sequence[float] | Array) -> Array:

@@ -51,10 +51,7 @@ def _torques(*kPa_and_Nm: tuple[float, float]) -> tuple[Configuration, ...]:
 
 SETUPS = {
     "shipped": Setup(
-        stack=STACK,
-        shaker=SHAKER_PLACE,
-        band=(100.0, 1150.0),
-        configurations=_torques((160.0, 1.5), (320.0, 3.0)),
+        stack=STACK, shaker=SHAKER_PLACE, band=(100.0, 1150.0), configurations=_torques((160.0, 1.5), (320.0, 3.0))
     ),
     "wide": Setup(
         stack=_OTHERS / "wide.toml",

@@ -78,18 +78,14 @@ def contact_points(
         for component, (d_x, d_y), what in parts:
             over_z = stack.height.take(component, what)
             taken = (1.0 - part)[:, None] * over_z[lower] + part[:, None] * over_z[lower + 1]
-            values = [
-                line.at(place, d) for line, place, d in zip(stack.plan.lines, (x, y), (d_x, d_y), strict=True)
-            ]
+            values = [line.at(place, d) for line, place, d in zip(stack.plan.lines, (x, y), (d_x, d_y), strict=True)]
             total = total + np.einsum("pa,qb,zc,abcr->pqzr", *values, taken, fields[component], optimize=True)
         strain.append(np.reshape(total, (-1, fields[0].shape[-1])))
     volume = np.multiply.outer(area, 0.5 * share * n_interface * stack.height.pitch)
     return Contact(strain=np.stack(strain), stiffness=bench.G_f * bench.pressure * volume.ravel())
 
 
-def sliders(
-    G_f: float, friction: float, exponent: float, smallest: float, number: int
-) -> tuple[Array, Array]:
+def sliders(G_f: float, friction: float, exponent: float, smallest: float, number: int) -> tuple[Array, Array]:
     """Return slip limits, as strains, and shares of the stiffness, (n,), of Segalman's power law without a spike.
 
     The first takes all limits up to `smallest` of the largest one.
@@ -187,9 +183,7 @@ def write(folder: Path) -> None:
     found, line, nominal, truth = simulate()
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(PLAN.stack, folder / "stack.toml")
-    rows = [
-        f"{i + 1}," + ",".join(f"{1e3 * value:.3f}" for value in place) for i, place in enumerate(nominal)
-    ]
+    rows = [f"{i + 1}," + ",".join(f"{1e3 * value:.3f}" for value in place) for i, place in enumerate(nominal)]
     (folder / "points.csv").write_text("\n".join(["node,x,y,z", *rows]) + "\n", encoding="utf-8")
     for force, functions in found.items():
         file = folder / f"force_{force:g}N.uff"

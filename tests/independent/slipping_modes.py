@@ -104,9 +104,7 @@ def slipping_test(seed: int, *, slips: bool) -> SlippingTest:
     f, xi, q = (np.reshape(one, (*force.shape, *one.shape[1:])) for one in found)
     moving = np.einsum("pn,lrn->plr", shape[: SHAKER - 1], q)
     noise = TableNoise()
-    motion = np.sqrt(np.mean(np.abs(moving) ** 2, axis=0)) * (
-        1.0 + AMPLITUDE_NOISE * rng.standard_normal(f.shape)
-    )
+    motion = np.sqrt(np.mean(np.abs(moving) ** 2, axis=0)) * (1.0 + AMPLITUDE_NOISE * rng.standard_normal(f.shape))
     level = tuple(
         _table(force, f[i] * (1.0 + DRIFT * rng.standard_normal()), xi[i], moving[:, i].real, noise, rng)
         for i, force in enumerate(FORCE)
@@ -172,11 +170,7 @@ class HarmonicBalance:
         RuntimeError
             It does not settle.
         """
-        row, strain, viscous = (
-            np.arange(force.size),
-            self.contact.strain,
-            2.0 * self.damping * np.sqrt(self.value),
-        )
+        row, strain, viscous = (np.arange(force.size), self.contact.strain, 2.0 * self.damping * np.sqrt(self.value))
         omega, diagonal = np.sqrt(self.value[mode]), np.arange(self.value.size)
         amplitude = _FIRST * force / (omega * viscous[mode])
         q = np.zeros((force.size, self.value.size), complex)
@@ -185,9 +179,7 @@ class HarmonicBalance:
             gamma = np.einsum("dpn,bn->bdp", strain, q)
             slid = self.slid(gamma)
             near = np.sum(slid * gamma.conj(), axis=1) / np.sum(np.abs(gamma) ** 2, axis=1)
-            secant = np.einsum(
-                "bp,p,dpn,dpm->bnm", near, self.contact.stiffness, strain, strain, optimize=True
-            )
+            secant = np.einsum("bp,p,dpn,dpm->bnm", near, self.contact.stiffness, strain, strain, optimize=True)
             rest = np.einsum(
                 "bdp,p,dpn->bn", slid - near[:, None] * gamma, self.contact.stiffness, strain, optimize=True
             )

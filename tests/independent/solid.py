@@ -122,9 +122,7 @@ class Solid:
         def shape_at(place: Array) -> Array:
             return frame.displacement(np.asarray(place, float), inner)
 
-        return BenchModes(
-            frequency=omega / (2.0 * np.pi), damping=_over(lost, 2.0 * omega), shape_at=shape_at
-        )
+        return BenchModes(frequency=omega / (2.0 * np.pi), damping=_over(lost, 2.0 * omega), shape_at=shape_at)
 
 
 def _over(lost: Array, omega: Array) -> Array:
@@ -271,13 +269,7 @@ def _stiffness(bench: Bench, fields: Moduli, bending: bool) -> list[_Term]:
     terms += [(part, (a, b), factor) for part in fields.membrane for a, b, factor in plane]
     if bending:
         thin = (bench.height / bench.n_lamina) ** 2 / 12.0
-        bent = (
-            (_KX, _KX, q11),
-            (_KY, _KY, q22),
-            (_KX, _KY, q12),
-            (_KY, _KX, q12),
-            (_KXY, _KXY, 4.0 * q66),
-        )
+        bent = ((_KX, _KX, q11), (_KY, _KY, q22), (_KX, _KY, q12), (_KY, _KX, q12), (_KXY, _KXY, 4.0 * q66))
         terms += [(fields.membrane[0], (a, b), thin * factor) for a, b, factor in bent]
     return terms
 

@@ -254,9 +254,7 @@ def attachments(bench: Bench) -> list[Attached]:
         one = planted["cable"]
         place = (one["x"] * half[0], one["y"] * half[1], top)
         found += _pad_mass(bench, place, one["mass"])
-        found.append(
-            Attached(gauge=_pad(bench, 2, place), stiffness=one["stiffness"], damping=one["damping"]),
-        )
+        found.append(Attached(gauge=_pad(bench, 2, place), stiffness=one["stiffness"], damping=one["damping"]))
     return found
 
 
@@ -287,9 +285,7 @@ def _pad(bench: Bench, component: int, place: tuple[float, float, float]) -> Gau
     side = PAD[0] / 2.0
     x, y = (
         _rule(float(middle) - side, float(middle) + side, 3)
-        for middle in np.clip(
-            place[:2], *np.array([[-0.5], [0.5]]) * [bench.length - PAD[0], bench.width - PAD[0]]
-        )
+        for middle in np.clip(place[:2], *np.array([[-0.5], [0.5]]) * [bench.length - PAD[0], bench.width - PAD[0]])
     )
     face = np.copysign(bench.height / 2.0, place[2])
     at, weight = _grid(x, y, _rule(face, face - np.copysign(PAD[1], face), 3))
@@ -318,10 +314,7 @@ def _rule(low: float, high: float, n: int) -> tuple[Array, Array]:
 def _mean(bench: Bench, clamp: Clamp, z: float, component: int) -> Gauge:
     """Return the mean displacement of a footprint at a level."""
     sides = zip((clamp.x, clamp.y), clamp.footprint, (bench.length / 2.0, bench.width / 2.0), strict=True)
-    x, y = (
-        _rule(max(middle - size / 2.0, -edge), min(middle + size / 2.0, edge), 6)
-        for middle, size, edge in sides
-    )
+    x, y = (_rule(max(middle - size / 2.0, -edge), min(middle + size / 2.0, edge), 6) for middle, size, edge in sides)
     place, weight = _grid(x, y, (np.array([z]), np.ones(1)))
     return Gauge(component=component, place=place, weight=weight)
 

@@ -49,8 +49,7 @@ def nodal_krons(plan: Plan, stack: Stack, modulus: float) -> tuple[Kron, ...]:
             ("w", "w", a.T @ a * stack.pitch, turn.T @ at_nodes @ turn),
         )
         krons += [
-            Kron(row=row, column=column, z=modulus * z, planar=planar.tocsr())
-            for row, column, z, planar in products
+            Kron(row=row, column=column, z=modulus * z, planar=planar.tocsr()) for row, column, z, planar in products
         ]
     return tuple(krons)
 
@@ -64,10 +63,7 @@ def nodal_instead(stack: Stack) -> Callable[[Assembly], tuple[Term, ...]]:
     def terms(assembly: Assembly) -> tuple[Term, ...]:
         pressure = stack.contact.pressure
         uniform = np.full(stack.n_lamina - 1, -pressure)
-        krons = (
-            *nodal_krons(assembly.plan, stack, pressure),
-            *tangential_krons(assembly.plan, stack.spacing, uniform),
-        )
+        krons = (*nodal_krons(assembly.plan, stack, pressure), *tangential_krons(assembly.plan, stack.spacing, uniform))
         factor = Monomial(exponent={"G_f": 1, "nodal": 1})
         return (Term(name="nodal contact", target="K", factor=factor, krons=krons),)
 

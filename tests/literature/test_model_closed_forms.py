@@ -15,18 +15,14 @@ STEEL = model.Material(young=2e11, poisson=0.3, density=7850.0)
 
 
 def stack(**values) -> model.Stack:
-    contact = model.Contact(
-        G_f=values.pop("G"), d_f=0.0, pressure=1.0, normal_modulus=values.pop("normal_modulus")
-    )
+    contact = model.Contact(G_f=values.pop("G"), d_f=0.0, pressure=1.0, normal_modulus=values.pop("normal_modulus"))
     return model.Stack(name="limit", contact=contact, **values)
 
 
 def lowest(assembly: model.Assembly, n_mode: int, guess: float) -> np.ndarray:
     """Return the lowest frequencies of all laminas without any reduction over z, Hz."""
     start = np.random.default_rng(0).standard_normal((assembly.size, n_mode + 6))
-    values, _ = solver_over_plan(assembly).modes(
-        assembly.theta, (2 * np.pi * guess) ** 2, start, n_mode, 1e-9
-    )
+    values, _ = solver_over_plan(assembly).modes(assembly.theta, (2 * np.pi * guess) ** 2, start, n_mode, 1e-9)
     return np.sqrt(np.abs(values)) / (2 * np.pi)
 
 
@@ -215,7 +211,5 @@ def test_torsion_of_an_orthotropic_prism():
 
 def test_iteration_keeps_what_it_is_given_when_the_space_is_invariant():
     values = np.array([1.0, 2.0, 3.0, 4.0])
-    found, _ = lowest_modes(
-        lambda x: x / (values + 1.0)[:, None], lambda x: x, 1.0, np.eye(4)[:, :3], 3, 1e-12
-    )
+    found, _ = lowest_modes(lambda x: x / (values + 1.0)[:, None], lambda x: x, 1.0, np.eye(4)[:, :3], 3, 1e-12)
     np.testing.assert_allclose(found, values[:3])

@@ -50,9 +50,7 @@ def test_frequencies_are_those_of_calculix():
         height=PEER.HEIGHT,
         n_lamina=PEER.N_LAMINA,
         material=model.Material(young=PEER.YOUNG, poisson=PEER.POISSON, density=PEER.DENSITY),
-        contact=model.Contact(
-            G_f=PEER.SHEAR / PRESSURE, d_f=0.0, pressure=PRESSURE, normal_modulus=PEER.NORMAL
-        ),
+        contact=model.Contact(G_f=PEER.SHEAR / PRESSURE, d_f=0.0, pressure=PRESSURE, normal_modulus=PEER.NORMAL),
         mesh=model.Mesh(n_x=PEER.N_X, n_y=PEER.N_Y),
         pressing=OneWeakInterface(),
     )

@@ -6,13 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.studies.published.campaign import (
-    base_rows,
-    fit_shared,
-    prepare_published,
-    read_published,
-    reproduce,
-)
+from tests.studies.published.campaign import base_rows, fit_shared, prepare_published, read_published, reproduce
 from tests.studies.published.tables import TARGET
 
 SOME = ("6", "12", "18")

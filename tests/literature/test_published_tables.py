@@ -16,9 +16,7 @@ def rows(name):
         return list(csv.DictReader(file))
 
 
-@pytest.mark.parametrize(
-    "row", rows("table7_frequencies_320kPa.csv"), ids=lambda row: f"stack {row['stack']}"
-)
+@pytest.mark.parametrize("row", rows("table7_frequencies_320kPa.csv"), ids=lambda row: f"stack {row['stack']}")
 def test_equation_2_gives_the_printed_error(row):
     f_exp, f_num = ([float(row[f"f{i}_{kind}_Hz"]) for i in range(1, 5)] for kind in ("exp", "num"))
     assert 100 * frequency_error(f_exp, f_num) == pytest.approx(float(row["error_percent"]), abs=0.051)
@@ -26,12 +24,8 @@ def test_equation_2_gives_the_printed_error(row):
 
 def test_table_6_averages_are_those_of_its_columns():
     for row in rows("table6_contact_parameters.csv"):
-        assert np.mean([float(row["Gf_M1"]), float(row["Gf_M2"])]) == pytest.approx(
-            float(row["Gf_avg"]), abs=0.51
-        )
-        assert np.mean([float(row["df_M1"]), float(row["df_M2"])]) == pytest.approx(
-            float(row["df_avg"]), rel=0.02
-        )
+        assert np.mean([float(row["Gf_M1"]), float(row["Gf_M2"])]) == pytest.approx(float(row["Gf_avg"]), abs=0.51)
+        assert np.mean([float(row["df_M1"]), float(row["df_M2"])]) == pytest.approx(float(row["df_avg"]), rel=0.02)
 
 
 def test_every_stack_of_table_7_has_a_height():

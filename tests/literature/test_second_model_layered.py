@@ -20,9 +20,7 @@ def test_modes_in_the_band_of_the_study_are_those_of_lamella(pressure):
     stack = model.read_stack(STACK).with_contact(pressure=pressure)
     place = nominal_points(STATED)[:-1]
     seen = model.Observation(
-        node=np.repeat(np.arange(1, 45), 3),
-        location=np.repeat(place, 3, axis=0),
-        direction=np.tile(np.eye(3), (44, 1)),
+        node=np.repeat(np.arange(1, 45), 3), location=np.repeat(place, 3, axis=0), direction=np.tile(np.eye(3), (44, 1))
     )
     ours = model.solve_modes(
         model.reduce(stack, n_mode=N_MODE, n_snapshot=1),

@@ -46,17 +46,11 @@ def test_first_ten_modes_are_those_of_lamella(pressure):
     stack = model.read_stack(STACK).with_contact(pressure=pressure)
     place = nominal_points(STATED)[:-1]
     seen = model.Observation(
-        node=np.repeat(np.arange(1, 45), 3),
-        location=np.repeat(place, 3, axis=0),
-        direction=np.tile(np.eye(3), (44, 1)),
+        node=np.repeat(np.arange(1, 45), 3), location=np.repeat(place, 3, axis=0), direction=np.tile(np.eye(3), (44, 1))
     )
     contact = stack.contact
     ours = model.solve_modes(
-        model.reduce(stack, n_mode=16, n_snapshot=1),
-        G_f=contact.G_f,
-        d_f=contact.d_f,
-        n_mode=16,
-        observation=seen,
+        model.reduce(stack, n_mode=16, n_snapshot=1), G_f=contact.G_f, d_f=contact.d_f, n_mode=16, observation=seen
     ).elastic()
     solid = usual(pressure)
     np.testing.assert_array_equal(solid.frequency[:N_RIGID], 0.0)

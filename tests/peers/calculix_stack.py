@@ -20,11 +20,7 @@ from pathlib import Path
 
 RESULT = Path(__file__).with_suffix(".json")
 
-LENGTH, WIDTH, HEIGHT = (
-    0.3,
-    0.08,
-    0.018,
-)  # m; thin laminas: the free edges of a solid twist softer by 0.63 t / width
+LENGTH, WIDTH, HEIGHT = (0.3, 0.08, 0.018)  # m; thin laminas: the free edges of a solid twist softer by 0.63 t / width
 N_LAMINA, N_X, N_Y = 18, 24, 8
 YOUNG, POISSON, DENSITY = 2e11, 0.28, 7650.0
 SHEAR, NORMAL = 264e6, 5e9  # moduli of the contact over the pitch, Pa

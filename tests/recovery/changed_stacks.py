@@ -52,6 +52,4 @@ def pair(seed, planted, second_model, *, reassembly=0.01, band=(100.0, 1300.0), 
     )  # fmt: skip
     geometry = Geometry(node=np.arange(1, SHAKER + 1), coordinate=nominal, line=np.empty((0, 2), dtype=int))
     tables = modal_tables(made, noise or TableNoise())
-    return [
-        (t.configuration.name, t.configuration.pressure, modal_model(t, geometry, plan.band)) for t in tables
-    ]
+    return [(t.configuration.name, t.configuration.pressure, modal_model(t, geometry, plan.band)) for t in tables]

@@ -73,9 +73,7 @@ def _a_run(rng: np.random.Generator) -> int:
     return int(rng.integers(RUNS))
 
 
-def runs_from_other(
-    folder: Path, rng: np.random.Generator, into: str, number: int, *, alternate: bool
-) -> None:
+def runs_from_other(folder: Path, rng: np.random.Generator, into: str, number: int, *, alternate: bool) -> None:
     """So many runs of a configuration come from the other one, every second one or the first ones."""
     other = BOTH[1 - BOTH.index(into)]
     for i in range(number):
@@ -195,8 +193,7 @@ def stated(folder: Path, rng: np.random.Generator, key: str, values: Sequence[fl
     """Torque or pressure of M1 and M2 are stated as other values."""
     given = iter(values)
     _text(
-        folder / "campaign.toml",
-        lambda text: re.sub(rf"(?m)^{key} = .*$", lambda _: f"{key} = {next(given):g}", text),
+        folder / "campaign.toml", lambda text: re.sub(rf"(?m)^{key} = .*$", lambda _: f"{key} = {next(given):g}", text)
     )
 
 
@@ -285,9 +282,7 @@ def stack_says(folder: Path, rng: np.random.Generator, key: str, factor: float) 
     """A number of the stack file is wrong by a factor."""
 
     def change(text: str) -> str:
-        return re.sub(
-            rf"(?m)^({key} = )([-\d.e]+)", lambda found: f"{found[1]}{float(found[2]) * factor:g}", text
-        )
+        return re.sub(rf"(?m)^({key} = )([-\d.e]+)", lambda found: f"{found[1]}{float(found[2]) * factor:g}", text)
 
     _text(folder / "stack.toml", change)
 

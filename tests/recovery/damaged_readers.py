@@ -43,9 +43,7 @@ from updating.results.store import read_document, read_frf, write_frf
 from updating.virtual.vibration_test import read_virtual_test
 
 DATA = Path(__file__).parents[2] / "data"
-TWO_SENSORS = TableLayout(
-    layout="real-imaginary", header_rows=1, columns=((2, 3), (5, 6)), coherence_columns=(4, 7)
-)
+TWO_SENSORS = TableLayout(layout="real-imaginary", header_rows=1, columns=((2, 3), (5, 6)), coherence_columns=(4, 7))
 SHIPPED = ("demo_stack", "hidden_effect/b", "hidden_effect/pooled_a", "pirnat2013", "stator", "contact")
 
 LABVIEW = "\n".join(
@@ -82,9 +80,7 @@ def write_files(folder: Path, copy: Callable[[str, str], object] = shutil.copy2)
 def _write_modes(made: Path) -> None:
     """Write modes in the forms of other programs."""
     geometry, _ = own_frf()
-    shapes = (
-        "node,x,y,z,mode_1_real,mode_1_imag,mode_2_real,mode_2_imag\n1,0,0,1,1,0.1,1,0\n2,0,0,1,-1,0,1,0.2\n"
-    )
+    shapes = "node,x,y,z,mode_1_real,mode_1_imag,mode_2_real,mode_2_imag\n1,0,0,1,1,0.1,1,0\n2,0,0,1,-1,0,1,0.2\n"
     (made / "modes.csv").write_text("frequency_Hz,damping,shape_std\n100,0.01,0.02\n200,0.02,0.02\n")
     (made / "shapes.csv").write_text(shapes)
     found = read_modes_table((made / "modes.csv", made / "shapes.csv"))
@@ -189,9 +185,7 @@ def functions(mark, *, matlab):
 def histories(name, *, axes=("hit", "channel", "time"), sampling="fs", matlab=False):
     """Read them, and look into the file for a draft."""
     layout = VariableLayout(history=(name,), axes=axes, sampling_Hz=sampling)
-    return both(
-        partial(read_histories, layout=layout, matlab=matlab), partial(guess_variables, matlab=matlab)
-    )
+    return both(partial(read_histories, layout=layout, matlab=matlab), partial(guess_variables, matlab=matlab))
 
 
 def drafted(file):
@@ -222,17 +216,9 @@ READERS = {
     "histories of MATLAB": (histories("data(*).y", matlab=True), "made/blows.mat", EmaError),
     "histories of HDF5": (histories("hit_*/y"), "made/blows.h5", EmaError),
     "histories of NumPy": (histories("y"), "made/blows.npz", EmaError),
-    "histories of LabVIEW": (
-        histories("hit */F", axes=("hit", "time"), sampling=2560.0),
-        "made/blows.tdms",
-        EmaError,
-    ),
+    "histories of LabVIEW": (histories("hit */F", axes=("hit", "time"), sampling=2560.0), "made/blows.tdms", EmaError),
     "sound file": (lambda file: read_wav(file, (2.0,)), "made/blow.wav", EmaError),
-    "modes of a universal file": (
-        lambda file: read_modes_uff(file, own_frf()[0]),
-        "made/modes.uff",
-        EmaError,
-    ),
+    "modes of a universal file": (lambda file: read_modes_uff(file, own_frf()[0]), "made/modes.uff", EmaError),
     "modes of a table": (
         lambda file: read_modes_table((file, file.with_name("shapes.csv"))),
         "made/modes.csv",
@@ -244,11 +230,7 @@ READERS = {
         EmaError,
     ),
     "shapes of SDynPy": (lambda file: read_modes_numpy(file, own_frf()[0]), "made/shapes.npy", EmaError),
-    "functions of SDynPy": (
-        lambda file: read_data_arrays(file, parse_unit("g/N")),
-        "made/functions.npz",
-        EmaError,
-    ),
+    "functions of SDynPy": (lambda file: read_data_arrays(file, parse_unit("g/N")), "made/functions.npz", EmaError),
     "first campaign file, of functions of SDynPy": (drafted, "made/functions.npz", EmaError),
     "first campaign file, of a table": (drafted, "made/table.csv", EmaError),
     "first campaign file, of blanks": (drafted, "made/blanks.txt", EmaError),

@@ -44,9 +44,7 @@ class Chain:
     def shifts(self, mass: float) -> NDArray:
         """By which share the sensors of each run lower each mode of the band, (n_run, n_mode)."""
         bare = self.modes()[0][:N_SEEN]
-        runs = [
-            self.modes(np.flatnonzero(self.run == k), mass)[0][:N_SEEN] for k in range(self.run.max() + 1)
-        ]
+        runs = [self.modes(np.flatnonzero(self.run == k), mass)[0][:N_SEEN] for k in range(self.run.max() + 1)]
         return 1.0 - np.array(runs) / bare
 
 
@@ -88,9 +86,7 @@ def measured(chain: Chain, rng: np.random.Generator, *, force: float = 5e-3, res
         dynamic = own**2 - omega**2 + 2j * chain.damping[:, None] * own * omega
         value[points] = (shape[points] * shape[chain.force]) @ (-(omega**2) / dynamic)
     level = response * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True))
-    value = value * (1.0 + force * normal(chain.run.max() + 1, lines.size)[chain.run]) + level * normal(
-        *value.shape
-    )
+    value = value * (1.0 + force * normal(chain.run.max() + 1, lines.size)[chain.run]) + level * normal(*value.shape)
     up = np.tile([0.0, 0.0, 1.0], (N, 1))
     return FRF(
         frequency=lines,

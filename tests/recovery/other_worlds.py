@@ -14,11 +14,7 @@ from tests.independent.campaign import SHAKER, Plan, TableNoise, modal_tables, s
 def simulated(test: Plan, second_model, noise: TableNoise | None = None):
     """Return what is simulated, and of each configuration name, stated pressure and identified modes."""
     made = simulate(replace(test, step=25.0), second_model)
-    geometry = Geometry(
-        node=np.arange(1, SHAKER + 1),
-        coordinate=made.nominal,
-        line=np.empty((0, 2), dtype=int),
-    )
+    geometry = Geometry(node=np.arange(1, SHAKER + 1), coordinate=made.nominal, line=np.empty((0, 2), dtype=int))
     tables = modal_tables(made, noise or TableNoise())
     return made, [
         (table.configuration.name, table.configuration.pressure, modal_model(table, geometry, test.band))

@@ -37,9 +37,7 @@ class Edge:
 @cache
 def free_plate(mesh: tuple[int, int]) -> tuple[skfem.Basis, Any, Array]:
     """Return the elements of a plate, its stiffness, sparse, and its mass."""
-    grid = skfem.MeshTri.init_tensor(
-        np.linspace(0.0, LENGTH, mesh[0] + 1), np.linspace(0.0, WIDTH, mesh[1] + 1)
-    )
+    grid = skfem.MeshTri.init_tensor(np.linspace(0.0, LENGTH, mesh[0] + 1), np.linspace(0.0, WIDTH, mesh[1] + 1))
     basis = skfem.Basis(grid, skfem.ElementTriArgyris(), intorder=8)
 
     @skfem.BilinearForm
@@ -63,10 +61,7 @@ def stiffness_of(mesh: tuple[int, int], edge: Edge | None) -> Array:
     if edge is None:
         return stiffness.toarray()
     held = skfem.FacetBasis(
-        basis.mesh,
-        basis.elem,
-        facets=basis.mesh.facets_satisfying(lambda x: np.isclose(x[0], 0.0)),
-        intorder=8,
+        basis.mesh, basis.elem, facets=basis.mesh.facets_satisfying(lambda x: np.isclose(x[0], 0.0)), intorder=8
     )
 
     @skfem.BilinearForm
@@ -93,9 +88,7 @@ def plate_modes(
         row = basis.probes(np.array([[mass[0] + LENGTH / 2.0], [mass[1] + WIDTH / 2.0]])).toarray()
         heavy = heavy + mass[2] * row.T @ row
     values, vectors = la.eigh(stiffness_of(mesh, edge), heavy, subset_by_index=[first, first + n_mode - 1])
-    inside = np.clip(
-        places.T + np.array([[LENGTH], [WIDTH]]) / 2.0, 1e-9, np.array([[LENGTH], [WIDTH]]) - 1e-9
-    )
+    inside = np.clip(places.T + np.array([[LENGTH], [WIDTH]]) / 2.0, 1e-9, np.array([[LENGTH], [WIDTH]]) - 1e-9)
     return np.sqrt(values) / (2.0 * np.pi), basis.probes(inside) @ vectors
 
 

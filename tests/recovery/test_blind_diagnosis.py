@@ -94,9 +94,7 @@ def test_cases_go_on_after_the_last_whole_line(tmp_path):
 
 def test_cases_that_are_run_side_by_side_come_in_the_order_of_the_plan(tmp_path):
     with ThreadPoolExecutor(4) as executor:
-        found = study(
-            planned(), case, tmp_path / "new/cases.jsonl", Case, lambda own: (own.seed, own.kind), executor
-        )
+        found = study(planned(), case, tmp_path / "new/cases.jsonl", Case, lambda own: (own.seed, own.kind), executor)
     assert [(own.seed, own.kind) for own in found] == list(planned())
     assert len(recorded(tmp_path / "new/cases.jsonl", Case)) == 134
 

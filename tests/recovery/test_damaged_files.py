@@ -45,14 +45,7 @@ EXTREMES = [b"0", b"-1", b"1000000", b"2147483648", b"1e300", b"1e-300", b"nan",
 
 @pytest.mark.parametrize(
     "reader",
-    [
-        "campaign",
-        "stack",
-        "stack with a curve and an outline",
-        "update file",
-        "virtual test",
-        "modal table's campaign",
-    ],
+    ["campaign", "stack", "stack with a curve and an outline", "update file", "virtual test", "modal table's campaign"],
 )
 def test_every_number_of_a_file(data, survives, reader, own):
     """Each in turn is made as small, large or odd as it can be."""

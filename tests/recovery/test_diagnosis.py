@@ -13,14 +13,7 @@ from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude, searched
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
-CONSIDERED = (
-    "clamp_mass",
-    "contact_direction",
-    "pressure_exponent",
-    "contact_loss",
-    "clamp_rods",
-    "temperature",
-)
+CONSIDERED = ("clamp_mass", "contact_direction", "pressure_exponent", "contact_loss", "clamp_rods", "temperature")
 
 
 @pytest.fixture(scope="module")
@@ -39,19 +32,13 @@ def coarse(tmp_path_factory):
     folder = tmp_path_factory.mktemp("coarse")
     shutil.copytree(SPECIFICATION.parent, folder, ignore=shutil.ignore_patterns("M*"), dirs_exist_ok=True)
     stack = (folder / "stack.toml").read_text(encoding="utf-8")
-    for fine, rough in (
-        ("n_x = 18", "n_x = 10"),
-        ("n_y = 4", "n_y = 2"),
-        ("n_lamina = 240", "n_lamina = 60"),
-    ):
+    for fine, rough in (("n_x = 18", "n_x = 10"), ("n_y = 4", "n_y = 2"), ("n_lamina = 240", "n_lamina = 60")):
         assert fine in stack
         stack = stack.replace(fine, rough)
     (folder / "stack.toml").write_text(stack, encoding="utf-8")
     test = SPECIFICATION.read_text(encoding="utf-8")
     assert "mesh = [24, 6]" in test
-    (folder / SPECIFICATION.name).write_text(
-        test.replace("mesh = [24, 6]", "mesh = [14, 3]"), encoding="utf-8"
-    )
+    (folder / SPECIFICATION.name).write_text(test.replace("mesh = [24, 6]", "mesh = [14, 3]"), encoding="utf-8")
     return folder / SPECIFICATION.name
 
 
@@ -79,8 +66,7 @@ def test_nothing_is_missing_where_nothing_is_hidden(quick, coarse):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "values"),
-    [("contact_direction", {"G_yz_ratio": 0.8}), ("pressure_exponent", {"exponent": 0.5})],
+    ("name", "values"), [("contact_direction", {"G_yz_ratio": 0.8}), ("pressure_exponent", {"exponent": 0.5})]
 )
 def test_a_hidden_effect_is_named_and_its_parameter_found(candidates, catalogue, name, values):
     found = diagnosed(candidates, (catalogue[name],), values, 12)
@@ -103,9 +89,7 @@ def test_clamps_that_a_file_has_too_heavy_are_no_physical_effect(candidates, cat
     assert found.set[0] == ("clamp_mass",)
     assert "clamp_mass" in found.measurement
     assert found.labels["clamp_mass"] == catalogue["clamp_mass"].overstated
-    assert found.sentences[0].startswith(
-        "Not the model but the measurement: clamps that are lighter than stated"
-    )
+    assert found.sentences[0].startswith("Not the model but the measurement: clamps that are lighter than stated")
 
 
 def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confidence(quick, coarse, catalogue):

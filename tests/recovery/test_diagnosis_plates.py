@@ -17,18 +17,7 @@ from updating.fitting.fit import fit
 from updating.results.text import parameter_text
 
 sys.path.insert(0, str(Path(__file__).parent))
-from plate_world import (
-    DENSITY,
-    LENGTH,
-    POISSON,
-    THICKNESS,
-    WIDTH,
-    YOUNG,
-    Edge,
-    grid_of_points,
-    measured,
-    plate_modes,
-)
+from plate_world import DENSITY, LENGTH, POISSON, THICKNESS, WIDTH, YOUNG, Edge, grid_of_points, measured, plate_modes
 
 CLAMPED = (EdgeSupport(edge="left", along=np.inf, across=np.inf, rotation=np.inf),)
 RIGID = Edge(translation=1e12, rotation=1e8)
@@ -95,9 +84,7 @@ def test_a_plate_that_lacks_nothing_is_said_to_lack_nothing(supports, edge):
     "edge",
     [
         pytest.param(Edge(translation=1e8, rotation=2e4), id="a soft edge"),
-        pytest.param(
-            Edge(translation=1e5, rotation=300.0), id="an edge that is nearly free", marks=pytest.mark.slow
-        ),
+        pytest.param(Edge(translation=1e5, rotation=300.0), id="an edge that is nearly free", marks=pytest.mark.slow),
     ],
 )
 def test_an_edge_that_gives_way_is_named_with_its_stiffness(edge):
@@ -110,9 +97,7 @@ def test_an_edge_that_gives_way_is_named_with_its_stiffness(edge):
     assert best.left_out_error < 2e-3
     stiffness = {p.name: p for p in best.parameter}
     for name, true in (("edge_translation", edge.translation), ("edge_rotation", edge.rotation)):
-        found = stiffness[
-            name
-        ]  # three standard deviations: of one test in twenty the interval of 95 % misses
+        found = stiffness[name]  # three standard deviations: of one test in twenty the interval of 95 % misses
         assert abs(np.log(true / found.value)) < 1.5 * 0.5 * np.log(found.upper / found.lower)
         assert stiffness[name].value == pytest.approx(true, rel=0.15)
 

@@ -25,9 +25,7 @@ def test_poles_of_runs_are_linked_one_to_one():
     def poles(*frequency):
         return 2.0 * np.pi * np.array(frequency) * (1j - 0.005)
 
-    track = linked(
-        [poles(100.0, 107.0, 150.0), poles(97.0, 104.0, 149.0), poles(99.0, 151.0, 300.0), poles(98.0)]
-    )
+    track = linked([poles(100.0, 107.0, 150.0), poles(97.0, 104.0, 149.0), poles(99.0, 151.0, 300.0), poles(98.0)])
     frequency = np.abs(track) / (2.0 * np.pi)
     expected = [[100.0, 107.0, 150.0], [97.0, 104.0, 149.0], [99.0, np.nan, 151.0], [98.0, np.nan, np.nan]]
     np.testing.assert_allclose(frequency, expected, rtol=1e-4)

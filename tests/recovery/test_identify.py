@@ -134,10 +134,7 @@ def test_intervals_cover_the_truth(n_set: int) -> None:
     for seed in range(n_set):
         frf, _ = six_modes(seed, 0.05)
         model = identify_frf(frf, geometry(44), name="noisy")
-        scaled += [
-            (model.frequency - FREQUENCY) / model.frequency_std,
-            (model.damping - DAMPING) / model.damping_std,
-        ]
+        scaled += [(model.frequency - FREQUENCY) / model.frequency_std, (model.damping - DAMPING) / model.damping_std]
     errors = np.concatenate(scaled)
     # Mean and variance of so many normal numbers: four standard deviations of each.
     assert abs(errors.mean()) < 4.0 / np.sqrt(errors.size)

@@ -9,7 +9,5 @@ from tests.studies.large_matrices import run
 def test_terms_of_a_large_structure_are_fitted():
     found = run(10_000, "text")
     assert found.error < 4.0
-    assert (
-        found.read + found.fitted < 20.0
-    )  # s of a processor; 100,000 equations take five times that of 10,000
+    assert found.read + found.fitted < 20.0  # s of a processor; 100,000 equations take five times that of 10,000
     assert found.memory < 1.0

@@ -65,10 +65,7 @@ class Clock:
 
 def line(work: str, clock: Clock, worst: float, bound: float) -> None:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-    print(
-        f"{work:<58s} {clock.wall:8.3f} {clock.cpu:8.3f} {memory:8.2f}   {worst:8.1e}   {bound:8.1e}",
-        flush=True,
-    )
+    print(f"{work:<58s} {clock.wall:8.3f} {clock.cpu:8.3f} {memory:8.2f}   {worst:8.1e}   {bound:8.1e}", flush=True)
 
 
 def frequencies(system: model.ReducedSystem) -> np.ndarray:
@@ -80,9 +77,7 @@ def by_superlu(stiffness, mass) -> np.ndarray:
     """Return elastic frequencies by ARPACK with a SuperLU factor in its symmetric mode."""
     sigma = -1e6
     inverse = shifted_inverse(stiffness, mass, sigma)
-    values = splinalg.eigsh(
-        stiffness, N_MODE, mass, sigma=sigma, OPinv=inverse, return_eigenvectors=False, tol=1e-12
-    )
+    values = splinalg.eigsh(stiffness, N_MODE, mass, sigma=sigma, OPinv=inverse, return_eigenvectors=False, tol=1e-12)
     return np.sqrt(np.sort(values)[6:]) / (2.0 * np.pi)
 
 

@@ -23,10 +23,7 @@ MEANT = {
 def test_what_was_planted_is_found_where_it_is(name, capsys):
     campaign = read_specimens(DATA / name / "campaign.toml")
     found = diagnose_specimens(
-        campaign.name,
-        specimens_of(campaign, lambda own: None),
-        model.catalogue(),
-        reduced=cached_model,
+        campaign.name, specimens_of(campaign, lambda own: None), model.catalogue(), reduced=cached_model
     )
     with capsys.disabled():
         plan = json.loads((DATA / name / "truth.json").read_text(encoding="utf-8"))["plan"]
@@ -42,9 +39,7 @@ def test_an_effect_that_is_asked_for_is_fitted_to_all_specimens():
     """Half a kilogram was planted under each clamp of the rig; one specimen is glued besides."""
     campaign = read_specimens(DATA / "pooled_a" / "campaign.toml")
     specimens = specimens_of(campaign, lambda own: None)
-    found = diagnose_specimens(
-        campaign.name, specimens, {"clamp_mass": model.catalogue()["clamp_mass"]}, asked=True
-    )
+    found = diagnose_specimens(campaign.name, specimens, {"clamp_mass": model.catalogue()["clamp_mass"]}, asked=True)
     assert found.verdict == "as asked"
     (own,) = found.best.parts
     (mass,) = own.parameter

@@ -48,9 +48,7 @@ def targets(n_specimen):
             modes, column = solve_by_class(system, observed, CLASSES, G_f=G_f * pressure / at)
             frequency = modes.frequency[column] * (1.0 + 2e-3 * rng.standard_normal(len(CLASSES)))
             found.append(
-                target_of_table(
-                    stack, CLASSES, frequency, name=f"{s + 1} at {pressure:g}", specimen=f"{s + 1}"
-                )
+                target_of_table(stack, CLASSES, frequency, name=f"{s + 1} at {pressure:g}", specimen=f"{s + 1}")
             )
     return found
 
@@ -74,9 +72,7 @@ def test_fifty_specimens_at_three_torques_are_fitted_with_two_shared_effects(cap
     prepared = prepare(targets(50), n_snapshot=4)
     begin = time.perf_counter()
     base = fit_shared_opt_G(prepared, (), left_out=False)
-    found = fit_shared_opt_G(
-        prepared, ("clamp_inertia", "clamp_mass"), first=base, anew=False, left_out=False
-    )
+    found = fit_shared_opt_G(prepared, ("clamp_inertia", "clamp_mass"), first=base, anew=False, left_out=False)
     seconds = time.perf_counter() - begin
     with capsys.disabled():
         print(f"\n50 x 3 joint fit: {seconds:.0f} s, {peak():.0f} MB, error {100 * found.error():.2f} %")

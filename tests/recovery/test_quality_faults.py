@@ -18,14 +18,7 @@ from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
 
 NX, NY = 11, 4
-FAULTS = (
-    "swapped",
-    "sign",
-    "sign of runs",
-    "scale",
-    "dead",
-    "clipped",
-)  # the first word is the check that tells
+FAULTS = ("swapped", "sign", "sign of runs", "scale", "dead", "clipped")  # the first word is the check that tells
 
 
 def beam_shape(order, s):
@@ -37,21 +30,7 @@ def beam_shape(order, s):
     return np.cosh(root * s) + np.cos(root * s) - ratio * (np.sinh(root * s) + np.sin(root * s))
 
 
-ORDERS = [
-    (2, 0),
-    (1, 1),
-    (3, 0),
-    (2, 1),
-    (4, 0),
-    (3, 1),
-    (5, 0),
-    (4, 1),
-    (0, 2),
-    (1, 2),
-    (6, 0),
-    (5, 1),
-    (2, 2),
-]
+ORDERS = [(2, 0), (1, 1), (3, 0), (2, 1), (4, 0), (3, 1), (5, 0), (4, 1), (0, 2), (1, 2), (6, 0), (5, 1), (2, 2)]
 
 
 def plate(rng):
@@ -61,8 +40,7 @@ def plate(rng):
     x, y = (v.ravel() for v in np.meshgrid(np.linspace(0, 1, NX), np.linspace(0, 1, NY)))
     force = rng.uniform(0, 1, (2, 1))
     shape, at_force = (
-        np.array([beam_shape(i, u) * beam_shape(j, v) for i, j in ORDERS[:n_mode]]).T
-        for u, v in ((x, y), force)
+        np.array([beam_shape(i, u) * beam_shape(j, v) for i, j in ORDERS[:n_mode]]).T for u, v in ((x, y), force)
     )
     own = 2 * np.pi * np.concatenate([np.sort(rng.uniform(150, 1400, n_mode - 3)), [2300, 2600, 3100]])
     damping = 10 ** rng.uniform(np.log10(0.002), np.log10(0.02), n_mode)
@@ -77,9 +55,7 @@ def plate(rng):
     run = np.empty(n, dtype=int)
     run[rng.permutation(n)] = np.arange(n) // 2
     geometry = Geometry(
-        node=np.arange(1, n + 1),
-        coordinate=np.column_stack([0.5 * x, 0.08 * y, np.zeros(n)]),
-        line=np.empty((0, 2)),
+        node=np.arange(1, n + 1), coordinate=np.column_stack([0.5 * x, 0.08 * y, np.zeros(n)]), line=np.empty((0, 2))
     )
     frf = FRF(
         frequency=frequency,
@@ -91,9 +67,7 @@ def plate(rng):
         source=tuple(f"run{k}.uff" for k in run),
     )
     empty = Configuration(name="plate", stack=None, torque=None, pressure=None, height=None, files=())
-    return Measurement(
-        name="plate", configuration=empty, frf=frf, geometry=geometry, overload=np.zeros(n), notes=()
-    )
+    return Measurement(name="plate", configuration=empty, frf=frf, geometry=geometry, overload=np.zeros(n), notes=())
 
 
 def inject(measurement, fault, rng):

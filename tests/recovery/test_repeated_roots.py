@@ -66,10 +66,7 @@ def test_of_exactly_one_frequency_the_single_shapes_are_said_to_be_uncertain():
 def test_driving_points_scale_shapes_that_are_not_orthogonal_over_the_points():
     world = stator_ring()
     kept = np.arange(len(world.shape)) < 8
-    world, frf = (
-        replace(world, shape=world.shape[kept]),
-        world.measured(np.random.default_rng(1)).outputs(kept),
-    )
+    world, frf = (replace(world, shape=world.shape[kept]), world.measured(np.random.default_rng(1)).outputs(kept))
     model = identified(world, frf)
     assert worst_mac(world, model) > 0.999
     assert model.scaled.all()
@@ -148,11 +145,7 @@ def test_a_broad_mode_beside_a_narrow_one_stays_where_it_is():
 def test_one_force_is_left_as_it_was():
     world = square_plate()
     frf = world.measured(np.random.default_rng(1))
-    one = replace(
-        frf,
-        value=frf.value[:, :1],
-        input=Dofs(node=frf.input.node[:1], direction=frf.input.direction[:1]),
-    )
+    one = replace(frf, value=frf.value[:, :1], input=Dofs(node=frf.input.node[:1], direction=frf.input.direction[:1]))
     model = identified(world, one)
     np.testing.assert_allclose(model.frequency, [80.0, 200.0, 320.0, 400.0, 520.0], rtol=1e-5)
     assert check_references(one, model) == ()
@@ -165,7 +158,5 @@ def test_share_of_sets_whose_modes_are_all_found(make, capsys):
     worlds = [make(split) for split in 5e-4 * rng.uniform(size=30)] + [make()] * 10
     found = [worst_mac(world, identified(world, world.measured(rng))) for world in worlds]
     with capsys.disabled():
-        print(
-            f"\n{make.__name__}: all modes with a subspace MAC of 0.99 in {np.mean(np.array(found) > 0.99):.3f}"
-        )
+        print(f"\n{make.__name__}: all modes with a subspace MAC of 0.99 in {np.mean(np.array(found) > 0.99):.3f}")
     assert np.mean(np.array(found) > 0.99) >= 0.98

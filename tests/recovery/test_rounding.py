@@ -29,8 +29,7 @@ def test_the_last_digit_of_the_data_does_not_decide():
     frf, rng = measurement.frf, np.random.default_rng(0)
     digit = replace(frf, value=frf.value * (1.0 + 1e-15 * rng.standard_normal(frf.value.shape)))
     first, second = (
-        identify_frf(f, measurement.geometry, name="M1", band=campaign.identification.band)
-        for f in (frf, digit)
+        identify_frf(f, measurement.geometry, name="M1", band=campaign.identification.band) for f in (frf, digit)
     )
     for name in ("frequency", "frequency_std", "damping", "run_pole", "shape", "shape_std"):
         assert_same(getattr(first, name), getattr(second, name), name)

@@ -21,10 +21,7 @@ def study(seeds, **world):
     held, causes = [], []
     for seed in seeds:
         model, changes = identified(measured(np.random.default_rng([31, seed]), **world))
-        off = [
-            (model.frequency - TRUE) / model.frequency_std,
-            (model.damping - DAMPING[:N_SEEN]) / model.damping_std,
-        ]
+        off = [(model.frequency - TRUE) / model.frequency_std, (model.damping - DAMPING[:N_SEEN]) / model.damping_std]
         held.append(np.abs(off) < 1.96)
         causes.append(changes.cause)
     return np.mean(held, axis=(0, 2)), causes

@@ -94,9 +94,7 @@ def findings(seed, folder):
     modes = found.modal_model
     apart = np.abs(simulated.modes[0].frequency / modes.frequency[:, None] - 1.0)
     # few lines in a bandwidth are no fault of what is said
-    said = [
-        f"{v.check}: {v.message}" for v in found.verdicts if v.level != "pass" and v.check != "resolution"
-    ]
+    said = [f"{v.check}: {v.message}" for v in found.verdicts if v.level != "pass" and v.check != "resolution"]
     said += [f"peak at {peak.frequency:.1f} Hz" for peak in modes.unexplained]
     said += [run_changes(modes, found.measurement.frf.run, sensors_rove=True).finding]
     said += [f"no mode at {modes.frequency[i]:.1f} Hz" for i in np.flatnonzero(apart.min(axis=1) > 5e-3)]

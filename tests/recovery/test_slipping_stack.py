@@ -22,14 +22,7 @@ pytestmark = pytest.mark.slow
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 SLIPPING = Path(__file__).parents[2] / "data" / "hidden_effect" / "slip"
-CONSIDERED = (
-    "clamp_mass",
-    "contact_direction",
-    "contact_loss",
-    "contact_slip",
-    "micro_slip",
-    "pressure_exponent",
-)
+CONSIDERED = ("clamp_mass", "contact_direction", "contact_loss", "contact_slip", "micro_slip", "pressure_exponent")
 AMPLITUDE = (2e-7, 8e-7, 3e-6)
 LAW = model.SlipLaw(friction=0.3, exponent=-0.4)
 
@@ -59,9 +52,7 @@ def levels_of(candidates, system, seed, law):
         for k in range(10)
     ]
     nominal = np.array([one.frequency[0] for one in linear])
-    stiffer = np.median(
-        modes.frequency[:5] / nominal[:5]
-    )  # than the nominal stack: two modes lie 0.8 % apart
+    stiffer = np.median(modes.frequency[:5] / nominal[:5])  # than the nominal stack: two modes lie 0.8 % apart
     for r, f in enumerate(modes.frequency):
         k = int(np.argmin(np.abs(np.log(stiffer * nominal / f))))
         along = linear[k]
@@ -112,10 +103,7 @@ def test_the_shipped_campaign_that_another_model_made_is_called_slipping(tmp_pat
     assert after.left_out_error < 0.6 * before.left_out_error
     law = model.SlipLaw(friction=truth["friction"], exponent=truth["exponent"])
     slide = law.sliding_strain(truth["bench"]["G_f"])
-    true = {
-        "slip_softening": float(law.softening(np.array([STRAIN / slide]))[0]),
-        "slip_exponent": truth["exponent"],
-    }
+    true = {"slip_softening": float(law.softening(np.array([STRAIN / slide]))[0]), "slip_exponent": truth["exponent"]}
     softening, exponent = after.parameter
     assert softening.lower < true["slip_softening"] < softening.upper
     # The simulation took the contact at eight points along the stack, so that it slips less than the law asks for.

@@ -88,9 +88,7 @@ def test_of_a_plate_that_has_not_changed_nothing_is_named(state, reference):
 
 
 @measured
-@pytest.mark.parametrize(
-    ("state", "length"), [("C60", 0.060), pytest.param("C140", 0.140, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("state", "length"), [("C60", 0.060), pytest.param("C140", 0.140, marks=pytest.mark.slow)])
 def test_a_cut_is_less_stiffness_beside_the_middle_of_the_clamp(state, length):
     answer = found(state, *REFERENCE)
     assert answer.verdict == "one of"

@@ -8,16 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.independent.layered import Layered
-from tests.studies import (
-    blind,
-    changes,
-    corruptions,
-    large_matrices,
-    other_worlds,
-    pooled,
-    reduced_basis,
-    slipping,
-)
+from tests.studies import blind, changes, corruptions, large_matrices, other_worlds, pooled, reduced_basis, slipping
 from tests.studies.blind_figures import figures
 
 Study = Callable[[int, Path], Sequence[str]]

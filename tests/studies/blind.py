@@ -151,9 +151,7 @@ def study_of(cases: Sequence[tuple[int, str]], record: Path) -> list[Case]:
         print(f"seed {case.seed}, {case.kind}: {truth} -> {case.verdict} {left}", flush=True)
 
     with workers(len(cases)) as executor:
-        return study(
-            cases, partial(run, SPECIFICATION), record, Case, lambda own: (own.seed, own.kind), executor, say
-        )
+        return study(cases, partial(run, SPECIFICATION), record, Case, lambda own: (own.seed, own.kind), executor, say)
 
 
 def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
@@ -170,8 +168,7 @@ def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
 def weaker(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
     """Return an effect's values with its strengths `WEAKER` of the way from neutral."""
     return {
-        p.name: _towards(p, values[p.name], WEAKER) if _is_strength(p) else values[p.name]
-        for p in effect.parameters
+        p.name: _towards(p, values[p.name], WEAKER) if _is_strength(p) else values[p.name] for p in effect.parameters
     }
 
 
@@ -187,16 +184,12 @@ def _towards(parameter: Parameter, end: float, share: float) -> float:
     return float(parameter.neutral + share * (end - parameter.neutral))
 
 
-def blind_test(
-    specification: Path, seed: int, effects: tuple[Effect, ...], values: dict[str, float]
-) -> VirtualTest:
+def blind_test(specification: Path, seed: int, effects: tuple[Effect, ...], values: dict[str, float]) -> VirtualTest:
     """Return the test of a file, such as that of data/demo_stack, with one G_f, a third torque, and effects."""
     test = read_virtual_test(specification)
     same = [replace(c, G_f=G_F, d_f=D_F) for c in test.configurations]
     third = replace(same[-1], name=HELD_OUT, pressure=HELD_OUT_PRESSURE)
-    return replace(
-        test, configurations=(*same, third), effects=effects, effect_values=values, spread=SPREAD, seed=seed
-    )
+    return replace(test, configurations=(*same, third), effects=effects, effect_values=values, spread=SPREAD, seed=seed)
 
 
 def candidates_of(specification: Path, effects: dict[str, Effect]) -> CandidateModel:
@@ -285,9 +278,7 @@ def _drawn(
             chosen = tuple(effects[names[i]] for i in rng.choice(len(names), n, replace=False))
         values = {k: v for effect in chosen for k, v in strengths(effect, rng).items()}
         test = blind_test(specification, seed, chosen, values)
-        with contextlib.suppress(
-            SolveError
-        ):  # where the contact turns negative, in stiffness or in damping alone
+        with contextlib.suppress(SolveError):  # where the contact turns negative, in stiffness or in damping alone
             tested = simulated(test)
             if all(np.all(modes.damping > 0.0) for _, _, modes in tested):
                 return chosen, values, test, tested
@@ -299,9 +290,7 @@ def simulated(test: VirtualTest) -> list[Campaigned]:
     return [(c.name, c.pressure, m) for c, m in zip(test.configurations, modes, strict=True)]
 
 
-def _true(
-    model: StackModel, found: Search, truth: tuple[str, ...], values: Mapping[str, float]
-) -> Explanation:
+def _true(model: StackModel, found: Search, truth: tuple[str, ...], values: Mapping[str, float]) -> Explanation:
     """Return the best fit of the true effects: from the truth, or what the search fitted.
 
     From the truth, the nuisances are sought from the base model's and from what is known.
@@ -320,9 +309,7 @@ def _true(
     return max(fitted if own is None else (own, *fitted), key=lambda x: x.log_evidence)
 
 
-def _covered(
-    found: Search, truth: tuple[str, ...], values: Mapping[str, float], model: StackModel
-) -> tuple[bool, ...]:
+def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float], model: StackModel) -> tuple[bool, ...]:
     own = found.fitted.get(frozenset(truth))
     if own is None or not truth:
         return ()
@@ -353,9 +340,7 @@ def _predicted(model: StackModel, third: Assembled, own: Explanation) -> tuple[f
     noise, sizes = np.full(state.frequency.size, 1e-2 / np.sqrt(len(state.shape))), own.evidence.sizes
     for step in range(_STEPS + 1):
         errors = equation_errors(state, local.modal(x, 0), noise, x.size)
-        frequency = errors.frequency / np.hypot(
-            sizes.stiffness / np.sqrt(2.0), state.frequency_std / state.frequency
-        )
+        frequency = errors.frequency / np.hypot(sizes.stiffness / np.sqrt(2.0), state.frequency_std / state.frequency)
         damping = errors.damping / np.hypot(sizes.damping, errors.damping_std)
         value = np.concatenate([frequency, damping])
         if step == _STEPS:

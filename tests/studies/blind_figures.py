@@ -12,9 +12,7 @@ from tests.studies.blind import DETECTABLE, MODEL_FORM_ERROR, Case
 from tests.studies.runner import Share, share
 from updating.diagnosis.fit_settings import coordinate_of
 
-_NOTABLE = (
-    0.5  # fall by the true effects of what is held out, in standard deviations, that is more than noise
-)
+_NOTABLE = 0.5  # fall by the true effects of what is held out, in standard deviations, that is more than noise
 _APART = 3.0  # standard deviations, from which the best other effect is no alias
 _WORSE = 1.05  # ratio of errors
 _FAR = 5.0  # standard deviations of the data
@@ -29,9 +27,7 @@ def figures(cases: Sequence[Case]) -> tuple[Share, ...]:
     return (
         *_of_nulls([c for c in cases if c.kind == "null"]),
         *_of_singles(single, seen),
-        *_of_pairs(
-            [c for c in cases if c.kind == "pair" and min(c.distance, c.rival) >= DETECTABLE]
-        ),  # both show
+        *_of_pairs([c for c in cases if c.kind == "pair" and min(c.distance, c.rival) >= DETECTABLE]),  # both show
         *_of_withheld([c for c in cases if c.kind == "withheld"]),
         *_of_model_form_errors([c for c in cases if c.kind == MODEL_FORM_ERROR and c.distance >= DETECTABLE]),
         *_of_what_is_excluded(cases, [c for c in single if c.distance < DETECTABLE]),
@@ -149,11 +145,7 @@ def _of_predictions(seen: Sequence[Case]) -> tuple[Share, ...]:
     fall = [_fall(c) for c in seen if _fall_of_oracle(c) > _NOTABLE]
     return (
         share("90 % parameter intervals hold", "85 to 95 %", [hit for c in seen for hit in c.covered]),
-        share(
-            "held-out error worse after naming",
-            "<= 5 %",
-            [c.held_out[1] > c.held_out[0] * _WORSE for c in seen],
-        ),
+        share("held-out error worse after naming", "<= 5 %", [c.held_out[1] > c.held_out[0] * _WORSE for c in seen]),
         share(
             "  of its frequencies alone",
             "reported",

@@ -49,18 +49,8 @@ PLATE_DRAWS: dict[str, tuple[str, dict[str, tuple[float, float]], str, tuple[str
         "mass",
         ("absorber",),
     ),
-    "spring": (
-        "spring",
-        {"stiffness": (1e3, 1e4), "damping": (0.1, 2.0)},
-        "stiffness",
-        ("spring_to_ground",),
-    ),
-    "softer patch": (
-        "patch",
-        {"lost": (0.09, 0.9), "radius": (0.02, 0.06)},
-        "lost",
-        ("softer_patch",),
-    ),
+    "spring": ("spring", {"stiffness": (1e3, 1e4), "damping": (0.1, 2.0)}, "stiffness", ("spring_to_ground",)),
+    "softer patch": ("patch", {"lost": (0.09, 0.9), "radius": (0.02, 0.06)}, "lost", ("softer_patch",)),
     "stiffer patch": ("patch", {"more": (0.3, 3.0), "radius": (0.02, 0.06)}, "more", ("stiffer_patch",)),
     "hole": ("hole", {"diameter": (0.02, 0.08)}, "diameter", ("hole",)),
     "crack": ("crack", {"length": (0.03, 0.12)}, "length", ("crack",)),
@@ -251,13 +241,7 @@ def _name(number: int) -> str:
 
 
 def _identified(
-    name: str,
-    frequency: np.ndarray,
-    value: np.ndarray,
-    output: Dofs,
-    force: int,
-    run: np.ndarray,
-    geometry: Geometry,
+    name: str, frequency: np.ndarray, value: np.ndarray, output: Dofs, force: int, run: np.ndarray, geometry: Geometry
 ) -> ModalModel:
     frf = FRF(
         frequency=frequency,
@@ -289,10 +273,7 @@ def _plate(seed: int) -> Measured:
         held = np.exp(hold * own.standard_normal(2))
         young = np.exp(5e-4 * own.standard_normal())
         return dataclasses.replace(
-            true,
-            translation=true.translation * held[0],
-            rotation=true.rotation * held[1],
-            young=true.young * young,
+            true, translation=true.translation * held[0], rotation=true.rotation * held[1], young=true.young * young
         ), own
 
     def solve(plate: Plate, planted: dict[str, dict[str, float]]) -> tuple[np.ndarray, ...]:
@@ -317,14 +298,7 @@ def _plate(seed: int) -> Measured:
         values = next(iter(planted.values()))
         at = (values["x"], values["y"]) if "x" in values else (-half[0], values.get("y", np.nan))
         truth.append(
-            _truth(
-                name,
-                values,
-                moved,
-                scatter,
-                () if name == "softer mounting" else at,
-                _plate_size(name, values),
-            )
+            _truth(name, values, moved, scatter, () if name == "softer mounting" else at, _plate_size(name, values))
         )
     tests = [_plate_test(seed, i, own, nominal, (sensor, noise)) for i, own in enumerate(found)]
     return Measured(seed=seed, structure="plate", tests=tuple(tests), planted=tuple(truth))
@@ -336,13 +310,9 @@ def _plate_points() -> np.ndarray:
     return np.array([(a, b) for a in x for b in y])
 
 
-def _plate_drawn(
-    rng: np.random.Generator, name: str, more: float, half: np.ndarray
-) -> dict[str, dict[str, float]]:
+def _plate_drawn(rng: np.random.Generator, name: str, more: float, half: np.ndarray) -> dict[str, dict[str, float]]:
     key, ranges, size, _ = PLATE_DRAWS[name]
-    values = {
-        own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()
-    }
+    values = {own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()}
     values[size] = min(more * values[size], ranges[size][1])
     x, y = rng.uniform(-0.85, 0.85, 2) * half
     if key == "edge":
@@ -362,13 +332,7 @@ def _plate_drawn(
 
 
 def _plate_size(name: str, values: dict[str, float]) -> float:
-    sizes = {
-        "added mass": "mass",
-        "absorber": "mass",
-        "spring": "stiffness",
-        "hole": "diameter",
-        "crack": "length",
-    }
+    sizes = {"added mass": "mass", "absorber": "mass", "spring": "stiffness", "hole": "diameter", "crack": "length"}
     return values[sizes[name]] if name in sizes else float("nan")
 
 
@@ -395,9 +359,7 @@ def _plate_test(
     value = value + level * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape))
     n = len(nominal)
     geometry = Geometry(
-        node=np.arange(1, n + 1),
-        coordinate=np.column_stack([nominal, np.zeros(n)]),
-        line=np.empty((0, 2), int),
+        node=np.arange(1, n + 1), coordinate=np.column_stack([nominal, np.zeros(n)]), line=np.empty((0, 2), int)
     )
     dofs = Dofs(node=np.arange(1, n + 1), direction=np.tile([0.0, 0.0, 1.0], (n, 1)))
     return _identified(_name(number), frequency, value[:, None], dofs, n, np.zeros(n), geometry)
@@ -495,9 +457,7 @@ def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
                 [bool(own.left) and not own.in_set for own in changed])  # fmt: skip
     yield share("one change: a wrong name first", "at most 5 %",
                 [bool(own.left) and own.left[0] not in own.right for own in changed])  # fmt: skip
-    yield share(
-        "location within a tenth of the length, of those named", "80 %", [own.placed for own in placed]
-    )
+    yield share("location within a tenth of the length, of those named", "80 %", [own.placed for own in placed])
     yield share("intervals of 90 % hold the size", "80 to 97 %",
                 [own.kind_size[1] <= own.size <= own.kind_size[2] for own in sized])  # fmt: skip
     yield share("loose bolts: the right clamp is in the answer", "80 %",

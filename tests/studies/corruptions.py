@@ -131,9 +131,7 @@ def _findings(checks: Sequence[tuple[Verdict, ...]]) -> Iterator[str]:
                 yield own.message
 
 
-def _of_campaign(
-    campaign: Campaign, measured: Sequence[Measurement], models: Sequence[ModalModel]
-) -> Iterator[str]:
+def _of_campaign(campaign: Campaign, measured: Sequence[Measurement], models: Sequence[ModalModel]) -> Iterator[str]:
     yield from shared_functions({own.name: content_digests(own.frf) for own in measured})
     yield from contradicted(campaign.configurations, models, compare(models))
 

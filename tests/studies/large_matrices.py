@@ -71,9 +71,7 @@ def _brick(sides: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     for at in corner / np.sqrt(3.0):
         factor = 1.0 + corner * at
         shape = factor.prod(axis=1) / 8.0
-        slope = np.stack(
-            [corner[:, k] * np.delete(factor, k, 1).prod(axis=1) / 8.0 for k in range(3)], axis=1
-        )
+        slope = np.stack([corner[:, k] * np.delete(factor, k, 1).prod(axis=1) / 8.0 for k in range(3)], axis=1)
         slope = slope * 2.0 / sides
         strain = np.zeros((6, 8, 3))
         for k in range(3):
@@ -97,9 +95,7 @@ def plate(size: int) -> tuple[np.ndarray, list[sp.csc_matrix], sp.csc_matrix, np
     row = (3 * node[:, :, None] + np.arange(3)).reshape(len(node), 24)
     stiffness, mass = _brick(SIDES / (count - 1))
     middle = place[node].mean(axis=1) / SIDES
-    part = np.floor(middle[:, 0] * PARTS[0]).astype(int) * PARTS[1] + np.floor(
-        middle[:, 1] * PARTS[1]
-    ).astype(int)
+    part = np.floor(middle[:, 0] * PARTS[0]).astype(int) * PARTS[1] + np.floor(middle[:, 1] * PARTS[1]).astype(int)
 
     def assembled(matrix: np.ndarray, rows: np.ndarray) -> sp.csc_matrix:
         values = np.broadcast_to(matrix, (len(rows), 24, 24))
@@ -126,10 +122,7 @@ def write(folder: Path, size: int, form: str) -> np.ndarray:
             half = sp.coo_matrix(sp.triu(matrix))
             table = np.column_stack([half.row + 1, half.col + 1, half.data])
             np.savetxt(folder / f"{name}.sti", table, fmt="%d %d %.16e")
-    labels = [
-        f"{i // 3 + 1},{i % 3 + 1},{x:.9g},{y:.9g},{z:.9g}"
-        for i, (x, y, z) in enumerate(np.repeat(place, 3, 0))
-    ]
+    labels = [f"{i // 3 + 1},{i % 3 + 1},{x:.9g},{y:.9g},{z:.9g}" for i, (x, y, z) in enumerate(np.repeat(place, 3, 0))]
     (folder / "dofs.csv").write_text("node,dof,x,y,z\n" + "\n".join(labels) + "\n")
     text = f'name = "plate"\n[matrices]\nunits = "m-kg-s"\nmass = "mass{suffix}"\ndofs = "dofs.csv"\n'
     text += '[[group]]\nname = "root"\nbox_mm = [[-1, 0.001], [-1, 1000], [-1, 100]]\n'

@@ -142,8 +142,7 @@ class OtherCase:
         Of several it is asked beside each of them alone, too.
         """
         return all(
-            any(b < SHOWN * a for a, b in zip(before, self.best, strict=True))
-            for before in (self.before, *self.alone)
+            any(b < SHOWN * a for a, b in zip(before, self.best, strict=True)) for before in (self.before, *self.alone)
         )
 
 
@@ -231,9 +230,7 @@ def _whole(of: StackModel, found: Search, first: Explanation, made: Simulated) -
 def _true_nuisances(of: StackModel, made: Simulated, exponent: float) -> dict[str, float]:
     """Return the nuisance coordinates of the true stack, those that are not 0, of a model with a pressure exponent."""
     stack, stated, bench = of.stack, read_bench(made.plan.stack), made.bench[0]
-    true = {
-        name: float(np.log(getattr(bench, name) / getattr(stated, name))) for name in ("young", "density")
-    }
+    true = {name: float(np.log(getattr(bench, name) / getattr(stated, name))) for name in ("young", "density")}
     true |= {name: float(np.log(getattr(bench, name) / getattr(stated, name))) for name in of.dimensions}
     for i, (clamp, was) in enumerate(zip(bench.clamps, stated.clamps, strict=True), 1):
         true |= {f"clamp_{i}_x": clamp.x - was.x, f"clamp_{i}_y": clamp.y - was.y}
@@ -292,10 +289,7 @@ def stack_of(seed: int) -> str:
 
 
 def study_of(
-    cases: Sequence[tuple[int, str]],
-    world: str,
-    record: Path,
-    stack: Callable[[int], str] = lambda _: "shipped",
+    cases: Sequence[tuple[int, str]], world: str, record: Path, stack: Callable[[int], str] = lambda _: "shipped"
 ) -> list[OtherCase]:
     """Run cases of a world that are not recorded yet, side by side, and return all of them."""
 
@@ -324,9 +318,7 @@ def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
     def physical(case: OtherCase) -> bool:
         return bool(case.named) and any(name in effects for name in case.named[0])
 
-    yield share(
-        "effect-free tests called *nothing missing*", "95 %", [c.verdict == "nothing missing" for c in null]
-    )
+    yield share("effect-free tests called *nothing missing*", "95 %", [c.verdict == "nothing missing" for c in null])
     yield share("effects that show: lead the ranking", "90 %", [c.leads in c.truth for c in seen])
     yield share(
         "the same: identified, one of (with it), or partly explained (with it first)",
@@ -344,28 +336,16 @@ def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
         [not (c.verdict == "identified" and len(c.named[0]) == 1 and physical(c)) for c in lacking],
     )
     yield share(
-        "the same: nor several together",
-        "reported",
-        [not (c.verdict == "identified" and physical(c)) for c in lacking],
+        "the same: nor several together", "reported", [not (c.verdict == "identified" and physical(c)) for c in lacking]
     )
     yield share("pairs that show: both among the steps", "75 %", [set(c.truth) <= set(c.steps) for c in both])
+    yield share("all pairs: one of them leads, or nothing is named", "reported", [not _wrong(c) for c in pairs])
+    yield share("90 % intervals of parameters hold the truth", "80 to 97 %", [h for c in seen for h in c.covered])
     yield share(
-        "all pairs: one of them leads, or nothing is named", "reported", [not _wrong(c) for c in pairs]
-    )
-    yield share(
-        "90 % intervals of parameters hold the truth", "80 to 97 %", [h for c in seen for h in c.covered]
-    )
-    yield share(
-        "left-out error after adding what leads is lower, where it shows",
-        "90 %",
-        [_falls(c) < 1.0 for c in seen],
+        "left-out error after adding what leads is lower, where it shows", "90 %", [_falls(c) < 1.0 for c in seen]
     )
     ratios = [c.said / c.real for c in cases]
-    yield share(
-        "stated discrepancy over what is left of it within 0.5 to 2",
-        "90 %",
-        [0.5 <= r <= 2.0 for r in ratios],
-    )
+    yield share("stated discrepancy over what is left of it within 0.5 to 2", "90 %", [0.5 <= r <= 2.0 for r in ratios])
     ratios = [c.said / c.whole for c in cases if c.whole is not None]
     yield share(
         "the same over that of the model with the true stack's numbers, nothing fitted",

@@ -39,13 +39,7 @@ KINDS = ("rig", "group", "specimen", "null")
 KEYS = {
     "rig": ("clamp_mass", "clamp_inertia_two", "stinger_mass", "stinger_spring", "clamp_inertia_four"),
     "group": ("pressure_exponent", "contact_offset", "contact_direction", "contact_loss", "adhesive_edges"),
-    "specimen": (
-        "adhesive_edges",
-        "lost_contact_middle",
-        "lost_contact_ends",
-        "weld_seam",
-        "contact_direction",
-    ),
+    "specimen": ("adhesive_edges", "lost_contact_middle", "lost_contact_ends", "weld_seam", "contact_direction"),
     "null": (),
 }
 """What may be planted: what a rig, a treatment, and one stack can have."""
@@ -140,9 +134,7 @@ def specimens_of(
             band=SETUPS["shipped"].band,
         )
         note = {"treatment": "lacquered" if s in treated else "none"}
-        found.append(
-            Specimen(name=f"S{s + 1}", stack=stack, tested=tuple(simulated(plan, world)[1]), notes=note)
-        )
+        found.append(Specimen(name=f"S{s + 1}", stack=stack, tested=tuple(simulated(plan, world)[1]), notes=note))
     return found
 
 
@@ -206,11 +198,7 @@ def _errors(found: PooledSearch, own: Explanation, members: Sequence[int]) -> tu
 
 
 def judged(
-    seed: int,
-    kind: str,
-    planted: dict[str, dict[str, float]],
-    members: tuple[int, ...],
-    found: PooledDiagnosis,
+    seed: int, kind: str, planted: dict[str, dict[str, float]], members: tuple[int, ...], found: PooledDiagnosis
 ) -> PooledCase:
     """Return a case with what was said of it."""
     return PooledCase(
@@ -221,9 +209,7 @@ def judged(
         truth=next((str(TABLE[key].catalogue) for key in planted), ""),
         verdict=found.verdict,
         named=tuple((own.effect, own.level, own.specimens) for own in found.best.parts),
-        left=tuple(
-            tuple((own.effect, own.level) for own in each.parts) for each in found.ranking[: found.left]
-        ),
+        left=tuple(tuple((own.effect, own.level) for own in each.parts) for each in found.ranking[: found.left]),
         odd=tuple(own.name for own in found.specimens if own.odd),
         shows=False,
         alone=None,
@@ -254,21 +240,15 @@ def figures(cases: Sequence[PooledCase]) -> Iterator[Share]:
     yield share("effect and its level right", "85 %", [own.right for own in planted])
     yield share("the same, of those that show", "85 %", [own.right for own in planted if own.shows])
     yield share(
-        "the same, and nothing else is named",
-        "reported",
-        [own.right and len(own.named) == 1 for own in planted],
+        "the same, and nothing else is named", "reported", [own.right and len(own.named) == 1 for own in planted]
     )
     for kind in KINDS[:-1]:
         yield share(
-            f"effect and its level right: of the {kind}",
-            "reported",
-            [own.right for own in planted if own.kind == kind],
+            f"effect and its level right: of the {kind}", "reported", [own.right for own in planted if own.kind == kind]
         )
     yield share("the effect among those named, whosever", "reported", [own.effect_named for own in planted])
     yield share("odd specimen found", "90 %", [own.specimens[0] in own.odd for own in lone])
-    yield share(
-        "the same, of those that show", "90 %", [own.specimens[0] in own.odd for own in lone if own.shows]
-    )
+    yield share("the same, of those that show", "90 %", [own.specimens[0] in own.odd for own in lone if own.shows])
     yield share("others called odd", "at most 5 %", [name in own.odd for own, name in innocent])
     rig = [own for own in cases if own.alone is not None]
     yield share("effects of the rig: named by all six", "reported", [own.effect_named for own in rig])

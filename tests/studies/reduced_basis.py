@@ -40,12 +40,7 @@ class BasisCase:
 
 def planned() -> list[tuple[str, float, float]]:
     """Return effects that stacks can have, their strengths and contact stiffnesses, Pa/Pa."""
-    return [
-        (name, strength, G_f)
-        for strength in STRENGTHS
-        for name in candidates().effects
-        for G_f in STIFFNESSES
-    ]
+    return [(name, strength, G_f) for strength in STRENGTHS for name in candidates().effects for G_f in STIFFNESSES]
 
 
 @cache

@@ -103,9 +103,7 @@ class SlippingCase:
 
 
 def _levels(test: SlippingTest) -> list:
-    geometry = Geometry(
-        node=np.arange(1, SHAKER + 1), coordinate=test.nominal, line=np.empty((0, 2), dtype=int)
-    )
+    geometry = Geometry(node=np.arange(1, SHAKER + 1), coordinate=test.nominal, line=np.empty((0, 2), dtype=int))
     return [
         (table.configuration.name, table.configuration.pressure, modal_model(table, geometry, BAND))
         for table in test.level
@@ -183,21 +181,13 @@ def figures(cases: Sequence[SlippingCase]) -> Iterator[Share]:
     yield share("the same: it is in the first that is named", "reported", [c.slip_leads for c in seen])
     yield share("the same: *identified*", "reported", [c.verdict == "identified" for c in seen])
     yield share(
-        "linear stacks called slipping",
-        "at most 3 %",
-        [any("contact_slip" in x for x in c.named) for c in linear],
+        "linear stacks called slipping", "at most 3 %", [any("contact_slip" in x for x in c.named) for c in linear]
     )
-    yield share(
-        "linear stacks called *nothing missing*", "reported", [c.verdict == "nothing missing" for c in linear]
-    )
+    yield share("linear stacks called *nothing missing*", "reported", [c.verdict == "nothing missing" for c in linear])
     for i, name in enumerate(("softening at a strain of 1e-5", "exponent")):
-        yield share(
-            f"90 % interval of the {name} holds the truth", "80 to 97 %", [c.covered[i] for c in seen]
-        )
+        yield share(f"90 % interval of the {name} holds the truth", "80 to 97 %", [c.covered[i] for c in seen])
     yield share("slip limit within 15 %", "reported", [abs(c.limit - 1.0) <= _CLOSE for c in seen])
-    yield share(
-        "mean frequency error is lower with slip alone", "reported", [c.error[1] < c.error[0] for c in seen]
-    )
+    yield share("mean frequency error is lower with slip alone", "reported", [c.error[1] < c.error[0] for c in seen])
 
 
 def median_factor(cases: Sequence[SlippingCase]) -> float:

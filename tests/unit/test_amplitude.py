@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 
 from ema.campaign.campaign import read_campaign
-from ema.identification.amplitude import (
-    Level,
-    amplitude_dependence,
-    identify_force_levels,
-    resonances,
-    ring_down,
-)
+from ema.identification.amplitude import Level, amplitude_dependence, identify_force_levels, resonances, ring_down
 from ema.identification.identify import identify_frf
 from ema.plot.figures import amplitude_figure
 from ema.types.errors import MeasurementError
@@ -117,9 +111,7 @@ def test_few_lines_leave_the_mode_as_it_was_identified():
     thin = replace(found.frf, frequency=FREQUENCY[::8], value=found.frf.value[..., ::8])
     own = resonances(thin, found.modal_model)
     np.testing.assert_array_equal(own.frequency, found.modal_model.frequency)
-    np.testing.assert_allclose(
-        own.response[0, 0], resonances(found.frf, found.modal_model).response[0, 0], rtol=2e-2
-    )
+    np.testing.assert_allclose(own.response[0, 0], resonances(found.frf, found.modal_model).response[0, 0], rtol=2e-2)
 
 
 def test_modes_are_followed_over_levels_in_the_order_of_the_force(levels):
@@ -189,9 +181,7 @@ def test_levels_of_a_campaign_are_identified_and_one_that_cannot_be_is_named(cam
     (found,), lost = identify_force_levels(read_campaign(campaign_file), "M1")
     assert found.force == 1.0
     assert [text[:51] for text in lost] == ["M1 at 2 N is left out of the modes over amplitude: "]
-    np.testing.assert_allclose(
-        resonances(found.frf, found.modal_model).frequency, measured(1.0, 0.05)[1], rtol=1e-4
-    )
+    np.testing.assert_allclose(resonances(found.frf, found.modal_model).frequency, measured(1.0, 0.05)[1], rtol=1e-4)
 
 
 def test_amplitude_is_a_result_of_the_identification(campaign_file, tmp_path, capsys):
@@ -210,9 +200,7 @@ def test_amplitude_is_a_result_of_the_identification(campaign_file, tmp_path, ca
     assert (tmp_path / "out/M1/amplitude.json").stat().st_mtime_ns == written  # read back, not made anew
 
 
-def test_without_a_force_of_its_own_a_configuration_says_what_is_missing(
-    campaign_file, tmp_path, capsys, undrawn
-):
+def test_without_a_force_of_its_own_a_configuration_says_what_is_missing(campaign_file, tmp_path, capsys, undrawn):
     campaign_file.write_text(campaign_file.read_text().replace("force_N = 0.1\n", ""))
     ema(campaign_file, tmp_path / "out")
     assert "M1: with its own force_N, its modes over amplitude would be shown" in capsys.readouterr().out

@@ -104,9 +104,7 @@ def test_histories_of_arrays_give_the_functions_of_those_of_text(tmp_path, of_te
     else:
         with h5py.File(tmp_path / ("a.h5" if kind == "h5" else "a.mat"), "w") as file:
             for name, value in arrays.items():
-                file[name] = (
-                    np.atleast_2d(value).T if kind == "v7.3" else value
-                )  # MATLAB turns the axes around
+                file[name] = np.atleast_2d(value).T if kind == "v7.3" else value  # MATLAB turns the axes around
     found = frf(tmp_path, variables(keys), RUN.format(f'"a.{"mat" if kind == "v7.3" else kind}"'))
     np.testing.assert_allclose(found.value, of_text.value, rtol=1e-9)
     np.testing.assert_allclose(found.frequency, of_text.frequency)
@@ -160,9 +158,7 @@ def test_channels_of_labview_that_begin_at_other_times_are_no_record(tmp_path, l
 def test_a_channel_of_labview_that_is_not_there_is_named_among_those_that_are(tmp_path):
     tdms(tmp_path / "a.tdms", blows()[:1])
     layout = VariableLayout(history=("hit 0/Farce",), axes=("time",), sampling_Hz=RATE)
-    with pytest.raises(
-        MeasurementError, match=r"'hit 0/Farce' \(history\): no numbers .* hit 0/Force \(600\)"
-    ):
+    with pytest.raises(MeasurementError, match=r"'hit 0/Farce' \(history\): no numbers .* hit 0/Force \(600\)"):
         read_histories(tmp_path / "a.tdms", layout, matlab=False)
 
 
@@ -234,11 +230,7 @@ def test_each_structure_or_cell_is_a_hit_as_long_as_the_shortest(tmp_path, of_te
         first, second, sampling = "hit_*/force", "hit_*/acc", "hit_*/fs"
         with h5py.File(tmp_path / "a.h5", "w") as file:
             for k, hit in enumerate(hits):
-                file[f"hit_{k + 9}/force"], file[f"hit_{k + 9}/acc"], file[f"hit_{k + 9}/fs"] = (
-                    hit[0],
-                    hit[1:],
-                    RATE,
-                )
+                file[f"hit_{k + 9}/force"], file[f"hit_{k + 9}/acc"], file[f"hit_{k + 9}/fs"] = (hit[0], hit[1:], RATE)
     axes = '["hit", "channel", "time"]'
     keys = f'history = ["{first}", "{second}"]\naxes = {axes}\nsampling_Hz = "{sampling}"'
     found = frf(tmp_path, variables(keys), RUN.format('"a.*"'))
@@ -271,9 +263,7 @@ def test_names_with_a_star_that_do_not_fit_are_named(tmp_path):
     np.savez(tmp_path / "a.npz", a1=np.ones((N, 2)), a2=np.ones((N, 3)), b1=np.ones((N, 2)))
     hits = FORM | {"axes": ("hit", "time", "channel")}
     layout = VariableLayout.model_validate(hits | {"history": ("a*",)})
-    with pytest.raises(
-        MeasurementError, match=r"'a2' .*3 channels .* do not fit the .*2 channels .* of 'a1'"
-    ):
+    with pytest.raises(MeasurementError, match=r"'a2' .*3 channels .* do not fit the .*2 channels .* of 'a1'"):
         read_histories(tmp_path / "a.npz", layout, matlab=False)
     layout = VariableLayout.model_validate(hits | {"history": ("c*",)})
     with pytest.raises(MeasurementError, match=r"'c\*' \(history\): no numbers of that name"):
@@ -328,9 +318,7 @@ def test_files_that_do_not_fit_side_by_side_are_named(tmp_path, names, said):
 
 
 def test_files_side_by_side_are_of_histories(tmp_path):
-    text = BASE.format(
-        measurement='[measurement.table]\nlayout = "complex"', files='files = [["a.csv", "b.csv"]]'
-    )
+    text = BASE.format(measurement='[measurement.table]\nlayout = "complex"', files='files = [["a.csv", "b.csv"]]')
     begin, _, rest = text.partition("[measurement.time]")
     unit = '[measurement]\nunit = "g/N"\n[measurement.table]'
     begin = begin.replace("[measurement.table]", unit)
@@ -442,8 +430,7 @@ SOUND_RATE = 2560
 
 
 @pytest.mark.parametrize(
-    ("kind", "full", "middle"),
-    [("int16", 2**15, 0), ("int32", 2**31, 0), ("uint8", 2**7, 2**7), ("float32", 1.0, 0)],
+    ("kind", "full", "middle"), [("int16", 2**15, 0), ("int32", 2**31, 0), ("uint8", 2**7, 2**7), ("float32", 1.0, 0)]
 )
 def test_samples_come_in_the_stated_unit_at_the_rate_of_the_header(tmp_path, kind, full, middle):
     share = np.column_stack([0.5 * np.sin(np.arange(400.0)), np.full(400, -0.25)])
@@ -498,9 +485,7 @@ def test_as_many_blows_as_channels_are_told_apart_by_the_force(channel_last):
     force = np.zeros((600, 4))
     force[[40, 43, 47, 52], range(4)] = 1.0, 2.0, 0.5, 3.0
     ringing = np.exp(-np.arange(600) / 60.0) * rng.standard_normal((4, 600))
-    response = np.array(
-        [[np.convolve(f, h)[:600] for h in ringing] for f in force.T]
-    )  # (hit, channel, sample)
+    response = np.array([[np.convolve(f, h)[:600] for h in ringing] for f in force.T])  # (hit, channel, sample)
     response = response.transpose(2, 0, 1) if channel_last else response.transpose(2, 1, 0)
     found = guess_histories({"Xhammer": force, "Y": response, "fs": np.array(1000.0)}, {})
     assert found.keys["axes"] == (["time", "hit", "channel"] if channel_last else ["time", "channel", "hit"])

@@ -92,9 +92,7 @@ def test_amplitude_counts_in_units_of_the_friction(system, strain):
     once = backbone(system, strain, LAW, amplitude=np.array([1e-6]), **GIVEN)
     law = dataclasses.replace(LAW, friction=0.4)
     twice = backbone(system, strain, law, amplitude=np.array([2e-6]), **GIVEN)
-    assert (
-        once.frequency[0] < 0.99 * backbone(system, strain, LAW, amplitude=np.zeros(1), **GIVEN).frequency[0]
-    )
+    assert once.frequency[0] < 0.99 * backbone(system, strain, LAW, amplitude=np.zeros(1), **GIVEN).frequency[0]
     assert twice.frequency[0] == pytest.approx(once.frequency[0], rel=1e-9)
     assert twice.damping[0] == pytest.approx(once.damping[0], rel=1e-7)
     assert twice.slip[0] == pytest.approx(2.0 * once.slip[0], rel=1e-6)

@@ -51,9 +51,7 @@ def functions(start=1.0, step=1.0, n_line=200):
 
 def table(frequency, value):
     rows = zip(frequency, value.T, strict=True)
-    return "".join(
-        f"{f:.9g},{','.join(f'{z.real:.9g},{z.imag:.9g}' for z in values)}\n" for f, values in rows
-    )
+    return "".join(f"{f:.9g},{','.join(f'{z.real:.9g},{z.imag:.9g}' for z in values)}\n" for f, values in rows)
 
 
 @pytest.fixture
@@ -189,11 +187,9 @@ def arrays(axes='["frequency", "output"]', frf="H"):
         with h5py.File(folder / "run.h5", "w") as file:
             file["H"], file["f"] = value.T, frequency
         table = f'[measurement.variables]\nfrf = "{frf}"\nfrequency = "f"\naxes = {axes}\n'
-        changed(
-            "campaign.toml",
-            ('[measurement.table]\nlayout = "real-imaginary"\n', table),
-            ("run_*.csv", "run.h5"),
-        )(folder)
+        changed("campaign.toml", ('[measurement.table]\nlayout = "real-imaginary"\n', table), ("run_*.csv", "run.h5"))(
+            folder
+        )
 
     return damage
 
@@ -433,12 +429,7 @@ def whole(output):
     }  # fmt: skip
     for file in left:
         if file.suffix == ".json":
-            assert set(json.loads(file.read_text(encoding="utf-8"))) == {
-                "kind",
-                "provenance",
-                "result",
-                "digest",
-            }
+            assert set(json.loads(file.read_text(encoding="utf-8"))) == {"kind", "provenance", "result", "digest"}
 
 
 @pytest.mark.parametrize(
@@ -459,9 +450,7 @@ def whole(output):
 def test_what_can_be_done_without_is_left_out_and_said(folder, monkeypatch, capsys, damage, words):
     """The identification goes on with the rest: both modes are found."""
     damage(folder)
-    monkeypatch.setattr(
-        "updating.commands.ema._write_tables_and_pictures", lambda *_, **__: None
-    )  # to be quick
+    monkeypatch.setattr("updating.commands.ema._write_tables_and_pictures", lambda *_, **__: None)  # to be quick
     code, out, said = lamella(monkeypatch, capsys, "ema", "campaign.toml", "-o", "out")
     assert code == 0, said
     for part in words:
@@ -549,11 +538,7 @@ def test_a_stored_measurement_that_was_changed_is_made_anew(folder):
     content, frf = stored.read_bytes(), read_frf(stored)
     assert identified.read_back(assigned) is not None
     halved = replace(frf, value=0.5 * frf.value)
-    for damage in (
-        lambda: stored.write_bytes(content[:-20]),
-        lambda: write_frf(stored, halved),
-        stored.unlink,
-    ):
+    for damage in (lambda: stored.write_bytes(content[:-20]), lambda: write_frf(stored, halved), stored.unlink):
         damage()
         assert identified.read_back(assigned) is None
     again = identified.identified(assigned)

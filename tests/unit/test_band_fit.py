@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from ema.identification.band_fit import (
-    SEVERAL,
-    BandFit,
-    _without_common,
-    fit_band,
-    is_common,
-    with_lost_peaks,
-)
+from ema.identification.band_fit import SEVERAL, BandFit, _without_common, fit_band, is_common, with_lost_peaks
 from ema.identification.evidence import unexplained_peaks
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
@@ -55,11 +48,7 @@ def measured(value, quantity="accelerance"):
 
 def laid_out(value, quantity="accelerance"):
     return Functions(
-        frequency=LINES,
-        value=value,
-        run=np.zeros(N, dtype=int),
-        quantity=quantity,
-        weight=np.ones(value.shape),
+        frequency=LINES, value=value, run=np.zeros(N, dtype=int), quantity=quantity, weight=np.ones(value.shape)
     )
 
 
@@ -122,9 +111,7 @@ def test_a_weak_mode_in_even_noise_is_not_common():
     found = 0
     for _ in range(20):
         value = functions(rng)
-        value += (
-            0.02 * np.abs(value).max() * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
-        )
+        value += 0.02 * np.abs(value).max() * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
         found += not any(common_in(value, POLE))
     assert found == 20
 
@@ -175,9 +162,7 @@ def test_a_peak_whose_pole_is_gone_is_listed():
         run=np.zeros(1, dtype=int),
         source=("simulated",),
     )
-    data = Functions(
-        frequency=LINES, value=value, run=frf.run, quantity="accelerance", weight=np.ones(value.shape)
-    )
+    data = Functions(frequency=LINES, value=value, run=frf.run, quantity="accelerance", weight=np.ones(value.shape))
     two = data.linear_fit(pole[:2])
     (peak,) = (p for p in unexplained_peaks(data, two) if p.visible and abs(p.frequency - 430) < 10)
     before, after = peak.frequency - LINES[peak.first], LINES[peak.last] - peak.frequency
@@ -185,16 +170,12 @@ def test_a_peak_whose_pole_is_gone_is_listed():
     off = peak.frequency + (0.95 * (before + after) / 2) * (1 if before > after else -1)
     assert not LINES[peak.first] <= off <= LINES[peak.last]
     three = data.linear_fit(np.append(pole[:2], 2 * np.pi * off * (1j - 0.012)))
-    with_it, without = (
-        BandFit(value=frf.value, fit=fit, runs=run_poles(data, fit), left=()) for fit in (three, two)
-    )
+    with_it, without = (BandFit(value=frf.value, fit=fit, runs=run_poles(data, fit), left=()) for fit in (three, two))
     told = [(p.line, why) for p, why in with_lost_peaks(frf, without, with_it, "gone").left]
     assert (peak.line, "gone") in told
     assert all(abs(line - peak.line) < 250 for line, _ in told)  # the plateau beside it is its flank
     assert with_lost_peaks(frf, with_it, with_it, "gone").left == ()
-    assert (
-        with_lost_peaks(frf, without, without, "gone").left == ()
-    )  # what never had a pole was refused or is noise
+    assert with_lost_peaks(frf, without, without, "gone").left == ()  # what never had a pole was refused or is noise
 
 
 def test_a_pole_whose_damping_ran_to_0_is_no_mode():

@@ -13,19 +13,10 @@ from model import EffectError, Mesh, assemble, catalogue, read_stack
 from model.effects.catalogue import shipped
 from model.effects.parts import known_or_usual_instruments
 from updating.diagnosis import cached_model as module
-from updating.diagnosis.cached_model import (
-    N_CACHED,
-    cached_model,
-    flattened,
-    read_arrays,
-    restored,
-    write_arrays,
-)
+from updating.diagnosis.cached_model import N_CACHED, cached_model, flattened, read_arrays, restored, write_arrays
 
 ROOT = Path(__file__).parents[2]
-STACK = dataclasses.replace(
-    read_stack(ROOT / "data/demo_stack/stack.toml"), n_lamina=12, mesh=Mesh(n_x=4, n_y=1)
-)
+STACK = dataclasses.replace(read_stack(ROOT / "data/demo_stack/stack.toml"), n_lamina=12, mesh=Mesh(n_x=4, n_y=1))
 INSTRUMENTS = known_or_usual_instruments(STACK)
 EFFECTS = {name: catalogue()[name] for name in ("clamp_mass", "normal_stiffness")}
 
@@ -56,9 +47,7 @@ def test_a_second_diagnosis_of_a_stack_reads_its_model(made, reduced):
     assert second.effects == EFFECTS
     theta = {**reduced.system.theta, "G_f": 900.0}
     for target in ("M", "C", "K"):
-        np.testing.assert_array_equal(
-            second.system.matrix(target, theta), reduced.system.matrix(target, theta)
-        )
+        np.testing.assert_array_equal(second.system.matrix(target, theta), reduced.system.matrix(target, theta))
 
 
 def test_another_stack_or_catalogue_has_a_model_of_its_own(made):
@@ -98,11 +87,7 @@ def same(one, other):
     theta = {**other.system.theta, "G_f": 900.0}
     return all(
         np.array_equal(part(one).matrix(target, theta), part(other).matrix(target, theta))
-        for part in (
-            lambda found: found.system,
-            lambda found: found.finer,
-            lambda found: found.resized["length"],
-        )
+        for part in (lambda found: found.system, lambda found: found.finer, lambda found: found.resized["length"])
         for target in "MCK"
     )
 

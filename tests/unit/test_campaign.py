@@ -121,9 +121,7 @@ def test_a_folder_in_place_of_its_file(folder):
 
 def test_a_configuration_that_is_not_there(folder):
     campaign = read_campaign(folder / "campaign.toml")
-    with pytest.raises(
-        CampaignError, match=r"no configuration 'M12'; did you mean 'M2' or 'M1'\? Allowed: M1, M2"
-    ):
+    with pytest.raises(CampaignError, match=r"no configuration 'M12'; did you mean 'M2' or 'M1'\? Allowed: M1, M2"):
         campaign.configuration("M12")
 
 

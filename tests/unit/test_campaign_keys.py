@@ -93,9 +93,7 @@ def test_the_keys_of_a_correction(folder, keys, n_output):
 
 
 def test_a_stated_mass_of_the_sensors_is_taken_out_and_said(folder):
-    (folder / "campaign.toml").write_text(
-        BASE.replace("[measurement]", "[measurement]\nsensor_mass_g = 2", 1)
-    )
+    (folder / "campaign.toml").write_text(BASE.replace("[measurement]", "[measurement]\nsensor_mass_g = 2", 1))
     done = CliRunner().invoke(app, ["ema", str(folder / "campaign.toml"), "-o", str(folder / "out")])
     assert done.exit_code == 0, done.output
     found = json.loads((folder / "out/M1/modal_model.json").read_text(encoding="utf-8"))["result"]

@@ -28,9 +28,7 @@ def value(output, force, frequency=FREQUENCY):
     return 1.0 / ((output + force) - (frequency / 20) ** 2 + 0.1j)
 
 
-def run(
-    folder, name, outputs, inputs, *, frequency=FREQUENCY, quantity="accelerance", scale=1.0, coherence=None
-):
+def run(folder, name, outputs, inputs, *, frequency=FREQUENCY, quantity="accelerance", scale=1.0, coherence=None):
     axis = np.array([[0, 0, np.sign(n)] for n in outputs], float)
     force_axis = np.array([[0, 0, np.sign(n)] for n in inputs], float)
     block = np.array([[np.sign(o * i) * value(abs(o), abs(i), frequency) for i in inputs] for o in outputs])
@@ -205,9 +203,7 @@ def test_what_the_file_does_not_say_is_asked_for(tmp_path):
     data = file.read_bytes()
     assert data.count(b"         1   3") == 1
     file.write_bytes(data.replace(b"         1   3", b"         0   0"))
-    with pytest.raises(
-        MeasurementError, match=r"does not state the output DOF .*such as output = \['12\+z'\]"
-    ):
+    with pytest.raises(MeasurementError, match=r"does not state the output DOF .*such as output = \['12\+z'\]"):
         measure(tmp_path)
     file.write_bytes(
         data.replace(b"        12    0    0    0", b"         0    0    0    0").replace(b"m/s^2", b"V    ")

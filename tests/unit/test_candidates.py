@@ -30,9 +30,7 @@ def squared(system, theta):
 
 
 @pytest.mark.parametrize("inertia", [0.0005, pytest.param(0.003, marks=pytest.mark.slow), 0.03])
-@pytest.mark.parametrize(
-    "station", [0.05, 0.62, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.23, 0.98))]
-)
+@pytest.mark.parametrize("station", [0.05, 0.62, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.23, 0.98))])
 @pytest.mark.parametrize("G_f", [700.0, 2500.0])
 def test_a_clamp_is_met_wherever_it_stands_and_however_heavy_it_is(system, inertia, station, G_f):
     there = {"clamp_roll_inertia": inertia, "clamp_station": station, "G_f": G_f}

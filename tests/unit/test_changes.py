@@ -179,9 +179,7 @@ def test_a_size_is_integrated_over_a_half_normal_prior_that_ends_at_what_is_poss
             assert 0.0 <= found.amplitude[0] <= upper
 
 
-POINTS = np.stack(np.meshgrid(np.linspace(-0.14, 0.14, 7), np.linspace(-0.05, 0.05, 5)), axis=-1).reshape(
-    -1, 2
-)
+POINTS = np.stack(np.meshgrid(np.linspace(-0.14, 0.14, 7), np.linspace(-0.05, 0.05, 5)), axis=-1).reshape(-1, 2)
 
 
 def changed_plate(planted):
@@ -226,9 +224,7 @@ def beside_reference(own, made, square, shape):
     return at, errors.value, np.linalg.norm(modal.rows, axis=0) > 1.0
 
 
-@pytest.mark.parametrize(
-    ("name", "size", "along"), [("added_mass", 0.4, "uvw"), ("spring_to_ground", 3e5, "w")]
-)
+@pytest.mark.parametrize(("name", "size", "along"), [("added_mass", 0.4, "uvw"), ("spring_to_ground", 3e5, "w")])
 def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(name, size, along):
     place = np.array([[0.08, 0.02]])
 

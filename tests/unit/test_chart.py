@@ -35,9 +35,7 @@ def test_panels_stand_above_each_other_as_their_parts_of_the_height_say():
     above, below = figure.axes
     assert (above.get_ylabel(), below.get_ylabel(), below.get_xlabel()) == ("above", "below", "which")
     assert [bar.get_height() for bar in above.patches] == [3.0, 4.0]
-    assert [bar.get_x() for bar in above.patches] == pytest.approx(
-        [bar.get_x() for bar in below.patches][::-1]
-    )
+    assert [bar.get_x() for bar in above.patches] == pytest.approx([bar.get_x() for bar in below.patches][::-1])
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["high", "low"]
 
 
@@ -66,14 +64,7 @@ def test_axes_keep_scale_range_and_zero():
 
 def test_a_group_stands_in_the_legend_once():
     traces = [
-        {
-            "type": "scatter",
-            "x": [k],
-            "y": [k],
-            "legendgroup": "oil",
-            "legendgrouptitle": title,
-            "name": f"S{k}",
-        }
+        {"type": "scatter", "x": [k], "y": [k], "legendgroup": "oil", "legendgrouptitle": title, "name": f"S{k}"}
         for k, title in enumerate(({"text": "oil"}, {}))
     ]
     assert [text.get_text() for text in drawn(*traces).legends[0].get_texts()] == ["oil"]

@@ -17,14 +17,7 @@ DRAWING = {"matplotlib", "plotly", "pyvista", "vtkmodules", "PIL", "pptx", "jinj
 SERVING = {"trame", "trame_server", "aiohttp", "wslink"}
 READING = {"h5py", "nptdms", "pandas"}
 SELDOM = {"scipy.stats", "scipy.signal"}  # half a second each, in each process
-NUMBERS = {
-    "numpy",
-    "scipy",
-    "skfem",
-    "cattrs",
-    "dask",
-    "distributed",
-}  # typer takes pydantic for ranges of options
+NUMBERS = {"numpy", "scipy", "skfem", "cattrs", "dask", "distributed"}  # typer takes pydantic for ranges of options
 COUNT = """
 import contextlib, io, json, sys
 from updating.commands.command_line import app
@@ -42,11 +35,7 @@ EVERY = [command.name or command.callback.__name__ for command in app.registered
 def imported(job):
     """Return the modules that a process has imported once it has done a job."""
     done = subprocess.run(
-        [sys.executable, "-c", COUNT.format(job=job)],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
+        [sys.executable, "-c", COUNT.format(job=job)], capture_output=True, text=True, timeout=600, check=False
     )
     assert done.returncode == 0, done.stderr
     return set(json.loads(done.stdout.splitlines()[-1]))
@@ -54,9 +43,7 @@ def imported(job):
 
 def test_help_needs_no_numbers():
     """Nor the modules that do what the commands say: of this package there are the words alone."""
-    asked = imported(
-        "".join(ASK.format(words=words) for words in (["--help"], *([c, "--help"] for c in EVERY)))
-    )
+    asked = imported("".join(ASK.format(words=words) for words in (["--help"], *([c, "--help"] for c in EVERY))))
     assert asked & (DRAWING | SERVING | READING | NUMBERS) == set()
     own = {name for name in asked if name.startswith("updating.commands.")}
     assert own == {f"updating.commands.{name}" for name in ("command_line", "terminal")}

@@ -30,9 +30,9 @@ def model(name, frequency, factor=1.0, force=9):
         name=name,
         frequency=frequency,
         pole=pole,
-        residue=(
-            np.reshape(factor, (len(np.atleast_1d(factor)), -1)) * SHAPE[:, : len(pole)] / (2j * pole.imag)
-        )[:, None, :],
+        residue=(np.reshape(factor, (len(np.atleast_1d(factor)), -1)) * SHAPE[:, : len(pole)] / (2j * pole.imag))[
+            :, None, :
+        ],
         node=np.arange(1, N_DOF + 1),
         direction=np.tile([0.0, 0.0, 1.0], (N_DOF, 1)),
         sensor=np.arange(N_DOF) % 2,
@@ -43,9 +43,7 @@ def model(name, frequency, factor=1.0, force=9):
 def findings(first, second, frequency=FREQUENCY, factor=1.0, force=9):
     own = np.array(frequency)
     names = (first.name, second.name)
-    comparison = Comparison(
-        name=names, frequency=own, frequency_std=own, damping=own, damping_std=own, mac=own
-    )
+    comparison = Comparison(name=names, frequency=own, frequency_std=own, damping=own, damping_std=own, mac=own)
     models = [model(names[0], own[0]), model(names[1], own[1], factor, force)]
     return contradicted([first, second], models, comparison)
 

@@ -69,9 +69,7 @@ BOTH = ranked("clamp_inertia", "stinger_mass", error=0.01, left_out=0.02)
 
 
 def mode_error(mode, base, explained=NAN):
-    return ModeError(
-        configuration="M1", mode=mode, frequency=100.0 * mode, std=0.1, base=base, explained=explained
-    )
+    return ModeError(configuration="M1", mode=mode, frequency=100.0 * mode, std=0.1, base=base, explained=explained)
 
 
 def diagnosis(verdict, *left, steps=(), **given):
@@ -128,18 +126,12 @@ def test_modes_left_out_that_are_predicted_worse_are_explained():
 
 def test_a_discrepancy_that_a_laboratory_states_is_said_to_be_stated():
     found = diagnosis("identified", STINGER, discrepancy_spread=Sizes(frequency=0.3, damping=0.0))
-    assert (
-        "0.40 % of a frequency and 10 % of a damping ratio (as stated), beyond the noise."
-        in sentences(found)[1]
-    )
+    assert "0.40 % of a frequency and 10 % of a damping ratio (as stated), beyond the noise." in sentences(found)[1]
 
 
 def test_a_fault_of_the_measurement_is_no_physical_effect():
     own = ranked(
-        "stated_pressure",
-        error=0.01,
-        left_out=NAN,
-        parameters=[parameter("G_f[M1]", 1.2, "1", lower=1.1, upper=1.3)],
+        "stated_pressure", error=0.01, left_out=NAN, parameters=[parameter("G_f[M1]", 1.2, "1", lower=1.1, upper=1.3)]
     )
     found = diagnosis("identified", own)
     assert sentences(found)[0] == (
@@ -150,9 +142,7 @@ def test_a_fault_of_the_measurement_is_no_physical_effect():
     assert next_command(found, "a.toml", "out") is None
 
 
-@pytest.mark.parametrize(
-    ("lower", "upper", "stated"), [(-0.4, -0.2, True), (-0.4, 0.1, False), (0.2, 0.4, False)]
-)
+@pytest.mark.parametrize(("lower", "upper", "stated"), [(-0.4, -0.2, True), (-0.4, 0.1, False), (0.2, 0.4, False)])
 def test_clamps_that_a_file_has_too_heavy_are_no_missing_mass(lower, upper, stated):
     value = parameter("clamp_added_mass", (lower + upper) / 2.0, lower=lower, upper=upper)
     effect = catalogue()["clamp_mass"]
@@ -167,9 +157,7 @@ def test_clamps_whose_mass_ends_at_its_bound_are_stated_too_heavy():
 
 
 def test_what_a_wrong_statement_does_as_well_is_said():
-    assert confounded_in(["clamp_mass", "air_damping"], catalogue()) == {
-        "clamp_mass": "the mass of the clamps"
-    }
+    assert confounded_in(["clamp_mass", "air_damping"], catalogue()) == {"clamp_mass": "the mass of the clamps"}
     own = ranked("clamp_mass", parameters=[parameter("clamp_added_mass", 0.4)])
     found = diagnosis("identified", own, confounded={"clamp_mass": "the mass of the clamps"})
     assert (
@@ -230,13 +218,9 @@ def test_partly_explained(share, start):
 def test_something_unlisted_stands_beside_or_before_what_is_named():
     either = diagnosis("one of", INERTIA, unlisted="instead")
     assert "clamp rotary inertia (clamp_inertia); or something that no effect" in sentences(either)[0]
-    assert headline(either).endswith(
-        "clamp rotary inertia; or something that no effect of the catalogue describes."
-    )
+    assert headline(either).endswith("clamp rotary inertia; or something that no effect of the catalogue describes.")
     part = sentences(diagnosis("partly explained", INERTIA, unlisted="beside"))
-    assert any(
-        "no effect of the catalogue describes is clearly more probable than nothing" in t for t in part
-    )
+    assert any("no effect of the catalogue describes is clearly more probable than nothing" in t for t in part)
     none = diagnosis("unlike anything", unlisted="refused", ranking=(INERTIA, BASE))
     assert "is more probable than any" in sentences(none)[0]
     assert "is more probable than any" in headline(none)
@@ -288,10 +272,7 @@ def test_unlike_anything():
 
 @pytest.mark.parametrize(
     ("verdict", "left", "end"),
-    [
-        ("unlike anything", (), "."),
-        ("partly explained", (INERTIA,), "; what was said is of the other modes."),
-    ],
+    [("unlike anything", (), "."), ("partly explained", (INERTIA,), "; what was said is of the other modes.")],
 )
 def test_a_measured_mode_that_the_model_lacks_is_named(verdict, left, end):
     text = sentences(diagnosis(verdict, *left, lacking=("M1, mode 4 at 431.2 Hz",)))
@@ -319,12 +300,8 @@ def test_what_is_left_at_a_point_is_told(given, text):
 
 
 def test_what_contradicts_the_measurement_comes_first():
-    force = ForcePlace(
-        stated=(0.21, 0.02), likely=(-0.21, 0.02), left=0.9, left_likely=0.01, factor=1.0, n_mode=6
-    )
-    told = sentences(
-        diagnosis("nothing missing", rig=(RigCheck(name="M1", sensor=0, reads=1.0, force=force),))
-    )
+    force = ForcePlace(stated=(0.21, 0.02), likely=(-0.21, 0.02), left=0.9, left_likely=0.01, factor=1.0, n_mode=6)
+    told = sentences(diagnosis("nothing missing", rig=(RigCheck(name="M1", sensor=0, reads=1.0, force=force),)))
     assert told[0].startswith(
         "First of all: M1: the force does not act where the points file has it, at x = 210, y = 20 mm"
     )
@@ -441,10 +418,7 @@ def test_a_parameter_at_the_end_of_its_range_makes_its_explanation_doubtful():
 
 
 def test_a_sensor_that_reads_otherwise_is_told():
-    gains = (
-        SensorGain(sensor=2, excess=-0.012, std=0.002),
-        SensorGain(sensor=3, excess=0.004, std=0.002),
-    )
+    gains = (SensorGain(sensor=2, excess=-0.012, std=0.002), SensorGain(sensor=3, excess=0.004, std=0.002))
     told = [own for own in sentences(diagnosis("nothing missing", sensor_gains=gains)) if "Sensor" in own]
     assert told == [
         "Sensor 2 of each run reads 1.2 % lower than sensor 1 (95 %: ± 0.39 %): check its calibration. It is taken "
@@ -456,10 +430,7 @@ def test_a_sensor_that_reads_otherwise_is_told():
     ("distance", "text"),
     [
         (4.2, "To tell them apart, add 1 kg: they would differ by 4.2 standard deviations, now by 1.1."),
-        (
-            2.0,
-            "None of the further tests that were considered would tell them apart by 3 standard deviations.",
-        ),
+        (2.0, "None of the further tests that were considered would tell them apart by 3 standard deviations."),
     ],
 )
 def test_the_next_test_is_one_that_tells_them_apart(distance, text):
@@ -581,9 +552,7 @@ def test_amplitudes_are_told_with_what_slip_makes_of_them():
         "M1 at 4 N), where faces move by up to 0.012 µm against each other. slip_softening is the share by which slip "
         "makes the contact softer at a strain of 1e-05, which lies within that;"
     )
-    assert (
-        "1e-05, which was not tested;" in sentences(diagnosis("identified", STINGER, contact=levels[:1]))[2]
-    )
+    assert "1e-05, which was not tested;" in sentences(diagnosis("identified", STINGER, contact=levels[:1]))[2]
     linear = tuple(replace(own, softening=0.0) for own in levels)
     assert sentences(diagnosis("nothing missing", contact=linear))[1].endswith(
         "against each other; that it slips there is not said."
@@ -607,9 +576,7 @@ def test_what_is_more_probable_than_the_answer_is_not_passed_over_in_silence():
     assert [own.effects for own in none.shown(1)] == [("stinger_mass",), ()]
     beside = replace(ranked("clamp_inertia", "stinger_mass", error=0.056, left_out=0.06), log_odds=9.0)
     named = diagnosis("identified", INERTIA, ranking=(beside, INERTIA, BASE))
-    assert "By the odds alone, moving mass at the shaker (stinger_mass) beside it" in " ".join(
-        sentences(named)
-    )
+    assert "By the odds alone, moving mass at the shaker (stinger_mass) beside it" in " ".join(sentences(named))
     near = replace(beside, log_odds=2.0)
     silent = diagnosis("identified", INERTIA, ranking=(near, INERTIA, BASE))
     assert "By the odds alone," not in " ".join(sentences(silent))

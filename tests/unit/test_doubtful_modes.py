@@ -89,9 +89,7 @@ def test_what_is_damped_too_much_for_a_resonance_is_no_mode_but_background():
 def test_a_peak_in_the_resonance_of_a_mode_is_not_told_as_a_missed_one():
     frf = functions([80, 190, 330], [0.01] * 3, beam(12, 3), 1e-3)
     model = identified(frf)
-    peaks = tuple(
-        UnexplainedPeak(frequency=f, share=0.1, channel=(), reason="for a reason") for f in (191.5, 250.0)
-    )
+    peaks = tuple(UnexplainedPeak(frequency=f, share=0.1, channel=(), reason="for a reason") for f in (191.5, 250.0))
     model = replace(model, unexplained=peaks)
     beside, missed = (v.message for v in check_explained(explained_power(frf, model), model)[1:])
     assert "at 191.5 Hz in the resonance of the mode at 190 Hz, 10 %" in beside

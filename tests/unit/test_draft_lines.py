@@ -37,9 +37,7 @@ def test_points_in_a_row_are_one_line_in_the_order_along_it():
 
 
 def test_a_hole_in_a_grid_is_not_bridged():
-    place = np.array(
-        [p for p in itertools.product(range(9), range(9), [0.0]) if not (1 < p[0] < 7 and 1 < p[1] < 7)]
-    )
+    place = np.array([p for p in itertools.product(range(9), range(9), [0.0]) if not (1 < p[0] < 7 and 1 < p[1] < 7)])
     at = dict(enumerate(place))
     assert all(np.linalg.norm(at[a] - at[b]) < 1.5 for a, b in map(tuple, edges(range(len(place)), place)))
 

@@ -101,9 +101,7 @@ def test_an_added_mass_acts_as_one_at_its_location_to_a_fifth_of_what_it_does(x,
     there = dataclasses.replace(
         model.catalogue()["stinger_mass"],
         name="there",
-        parameters=(
-            model.Parameter(name="there", unit="kg", nominal=0.1, lower=0.0, upper=1.0, source="test"),
-        ),
+        parameters=(model.Parameter(name="there", unit="kg", nominal=0.1, lower=0.0, upper=1.0, source="test"),),
         terms=terms,
     )
     bare = frequencies()
@@ -125,8 +123,7 @@ def test_a_loose_clamp_rides_on_its_seat_as_a_mass_on_a_spring(compliance):
     mass = 0.4
     heavy = [dataclasses.replace(clamp, mass=mass) for clamp in BAR.clamps]
     loose = model.reduce(
-        dataclasses.replace(BAR, clamps=tuple(heavy)).with_effects(model.catalogue()["loose_clamp"]),
-        n_snapshot=1,
+        dataclasses.replace(BAR, clamps=tuple(heavy)).with_effects(model.catalogue()["loose_clamp"]), n_snapshot=1
     )
     given = {"clamp_loss": 0.0, "clamp_number": 0.0, "clamp_compliance": compliance}
     observation = model.Observation(
@@ -138,9 +135,7 @@ def test_a_loose_clamp_rides_on_its_seat_as_a_mass_on_a_spring(compliance):
     (unit,) = [t for t in loose.assembly.terms if t.name == "loose_clamp 0 mass"]
     basis = loose.basis[:, : loose.n_displaced]
     of_clamp = basis.T @ loose.assembly.apply(unit.krons, basis)
-    stiffness, inertia = (
-        loose.matrix(t, loose.theta)[: loose.n_displaced, : loose.n_displaced] for t in "KM"
-    )
+    stiffness, inertia = (loose.matrix(t, loose.theta)[: loose.n_displaced, : loose.n_displaced] for t in "KM")
     for frequency in found.frequency[:6]:
         omega = 2.0 * np.pi * frequency
         if abs(omega**2 * mass * compliance - 1.0) < 0.1:

@@ -105,11 +105,7 @@ def test_named_effects_have_nominal_values_but_for_those_given():
     known = model.catalogue()
     stack = model.read_stack(ROOT / "data/demo_stack/stack.toml")
     changed = with_named_effects(stack, ["clamp_inertia:clamp_station=0.3", "fill_factor"], known)
-    assert changed.effect_values == {
-        "clamp_roll_inertia": 0.003,
-        "clamp_station": 0.3,
-        "fill_ratio": 0.97,
-    }
+    assert changed.effect_values == {"clamp_roll_inertia": 0.003, "clamp_station": 0.3, "fill_ratio": 0.97}
 
 
 def test_model_takes_effects(tmp_path, stack_file):
@@ -146,9 +142,7 @@ def test_a_new_file_alone_makes_an_effect(tmp_path, stack_file):
 def test_a_faulty_file_is_reported(tmp_path):
     mine = tmp_path / "mine.py"
     text = EXAMPLE.read_text(encoding="utf-8")
-    mine.write_text(
-        text.replace("Mistaken for:", "Like").replace("lower=0.0", "lower=-1e10"), encoding="utf-8"
-    )
+    mine.write_text(text.replace("Mistaken for:", "Like").replace("lower=0.0", "lower=-1e10"), encoding="utf-8")
     done = lamella("effects", "gap_spring", "--effect-file", mine)
     assert done.returncode == 1
     assert "lacks a paragraph that begins with 'Mistaken for:'" in done.stdout.replace("\n", " ")

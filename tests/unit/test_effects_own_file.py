@@ -46,11 +46,7 @@ def test_the_fit_finds_its_strength(mine):
     stack = dataclasses.replace(stack, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(read_effect(mine))
     blank = [
         target_of_table(
-            stack.with_contact(pressure=pressure),
-            CLASSES,
-            np.full(4, 500.0),
-            name=name,
-            damping=np.full(4, 0.01),
+            stack.with_contact(pressure=pressure), CLASSES, np.full(4, 500.0), name=name, damping=np.full(4, 0.01)
         )
         for name, pressure in (("A", 160e3), ("B", 320e3))
     ]

@@ -41,9 +41,7 @@ def measured(name="a", *, modes=MODES, damping=0.01, frequency=FREQUENCY, noise=
         source=tuple(f"point{k + 1}.uff" for k in range(points)),
     )
     geometry = Geometry(node=np.arange(1, N + 1), coordinate=np.outer(X, [0.8, 0, 0]), line=np.empty((0, 2)))
-    return Measurement(
-        name=name, configuration=STATE, frf=frf, geometry=geometry, overload=np.zeros(points), notes=()
-    )
+    return Measurement(name=name, configuration=STATE, frf=frf, geometry=geometry, overload=np.zeros(points), notes=())
 
 
 def scaled(measurement, channel, factor):
@@ -115,10 +113,7 @@ def test_another_quantity_is_converted():
         (lambda m: replace(m, frf=replace(m.frf, input=Dofs(node=[2], direction=[UP]))), "force DOFs"),
         (
             lambda m: replace(
-                m,
-                frf=replace(
-                    m.frf, output=Dofs(node=m.frf.output.node + 50, direction=m.frf.output.direction)
-                ),
+                m, frf=replace(m.frf, output=Dofs(node=m.frf.output.node + 50, direction=m.frf.output.direction))
             ),
             "outputs",
         ),

@@ -16,13 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from ema.identification.exchange import read_poles, write_poles
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import StabilizationDiagram, stabilization
-from ema.plot.figures import (
-    PolePicker,
-    frf_figure,
-    pick_poles,
-    shape_figure,
-    stabilization_figure,
-)
+from ema.plot.figures import PolePicker, frf_figure, pick_poles, shape_figure, stabilization_figure
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry

@@ -146,9 +146,7 @@ def shaken_by_two(rng, n_sample=200_000, *, shared=0.0, force_noise=0.0, respons
     """Two forces, some of the second in the first, and three responses."""
     force = rng.normal(size=(2, n_sample))
     force[0] += shared * force[1]
-    response = np.array(
-        [sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS]
-    )
+    response = np.array([sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS])
     response += response_noise * response.std(axis=1, keepdims=True) * rng.normal(size=response.shape)
     force += force_noise * rng.normal(size=force.shape)
     return force[:, None], response[:, None]
@@ -162,9 +160,7 @@ def truth(frequency):
 @pytest.mark.parametrize("shared", [0.0, 2.0])
 def test_forces_are_told_apart_even_where_they_share_much(estimator, shared):
     estimate = estimate_frf_matrix(
-        *shaken_by_two(np.random.default_rng(1), shared=shared),
-        RATE,
-        Averaging(estimator=estimator, **RANDOM),
+        *shaken_by_two(np.random.default_rng(1), shared=shared), RATE, Averaging(estimator=estimator, **RANDOM)
     )
     true = truth(estimate.frequency)
     band = slice(60, 200)  # leakage of the sharp flanks is what is left
@@ -178,9 +174,7 @@ def test_whole_transients_without_noise_are_exact():
     rng = np.random.default_rng(2)
     force = np.zeros((2, 4, 2048))
     force[:, :, 20:30] = rng.normal(size=(2, 4, 10))
-    response = np.array(
-        [sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS]
-    )
+    response = np.array([sum(signal.lfilter(*s, f) for s, f in zip(row, force, strict=True)) for row in SYSTEMS])
     for estimator in ("H1", "Hv"):
         estimate = estimate_frf_matrix(force, response, RATE, Averaging(window="boxcar", estimator=estimator))
         np.testing.assert_allclose(estimate.value, truth(estimate.frequency), atol=1e-5)
@@ -232,9 +226,7 @@ def refusal(force, response, **averaging):
 
 def test_what_does_not_tell_forces_apart_is_refused():
     force, response = shaken_by_two(np.random.default_rng(5), 20_000)
-    assert "2 averages do not tell the parts of 2 forces" in refusal(
-        force, response, window="hann", block_s=10.0
-    )
+    assert "2 averages do not tell the parts of 2 forces" in refusal(force, response, window="hann", block_s=10.0)
     same = np.stack([force[0], 2 * force[0]])
     assert "the 2 forces are the same up to a factor" in refusal(same, response, **RANDOM)
     assert "force 2 of 2 is zero" in refusal(force * [[[1]], [[0]]], response, **RANDOM)
@@ -351,9 +343,7 @@ def test_blocks_begin_before_the_hit():
     assert abs(int(np.argmax(blocks[0, 0])) - 51) <= 1
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"block_s": None}, {"block_s": 0.04}, {"window": "hann"}, {"overlap": 0.5}]
-)
+@pytest.mark.parametrize("wrong", [{"block_s": None}, {"block_s": 0.04}, {"window": "hann"}, {"overlap": 0.5}])
 def test_what_does_not_go_with_hits_is_refused(wrong):
     with pytest.raises(ValidationError, match="before_hit_s, of hits, needs"):
         Averaging(**({"window": "boxcar", "block_s": 1.0, "before_hit_s": 0.05} | wrong))

@@ -40,9 +40,7 @@ def test_standard_deviation_is_the_scatter_over_repeated_measurements():
     rng = np.random.default_rng(1)
     truth, noise = predict(1000.0)[0], 10.0  # far above the error of the model's form
     found = [
-        estimate_stiffness(
-            predict, truth + noise * rng.standard_normal(3), np.full(3, noise), bounds=(100.0, 10_000.0)
-        )
+        estimate_stiffness(predict, truth + noise * rng.standard_normal(3), np.full(3, noise), bounds=(100.0, 10_000.0))
         for _ in range(300)
     ]
     # Three values estimate the scatter poorly, and only an excess over the noise counts: somewhat too wide on average.
@@ -74,14 +72,7 @@ def test_negative_damping_is_held_at_zero():
 
 
 def estimate(value, std, **given):
-    default = {
-        "name": "G_f",
-        "unit": "Pa/Pa",
-        "lower": 20.0,
-        "upper": 5e4,
-        "at_bound": False,
-        "objective": 0.0,
-    }
+    default = {"name": "G_f", "unit": "Pa/Pa", "lower": 20.0, "upper": 5e4, "at_bound": False, "objective": 0.0}
     return Estimate(**default | given, value=value, std=std, history=np.zeros((1, 2)))
 
 
@@ -100,7 +91,5 @@ def test_what_stands_behind_the_sign_is_half_of_the_95_percent_interval(value, s
 
 
 def test_a_parameter_at_the_bound_of_its_range_says_so():
-    assert (
-        parameter_text(estimate(5e4, 0.0, at_bound=True)) == "G_f = 5e+04 Pa/Pa (at the bound of its range)"
-    )
+    assert parameter_text(estimate(5e4, 0.0, at_bound=True)) == "G_f = 5e+04 Pa/Pa (at the bound of its range)"
     assert parameter_text(estimate(1480.4, 12.2)) == "G_f = 1480 ± 24 Pa/Pa"

@@ -102,9 +102,7 @@ def test_cross_orthogonality_tells_modes_apart_that_the_mac_confuses(system):
 
 def test_points_that_cannot_tell_modes_apart_are_refused(system):
     grid = edges(system.stack)
-    few = dataclasses.replace(
-        grid, node=grid.node[:4], location=grid.location[:4], direction=grid.direction[:4]
-    )
+    few = dataclasses.replace(grid, node=grid.node[:4], location=grid.location[:4], direction=grid.direction[:4])
     modes = solve(system, 4400.0, few, 16)
     with pytest.raises(PairingError, match="4 measured DOFs cannot tell 10 modes"):
         expand(modes.shape[:, :1], np.zeros((4, 1)), modes)

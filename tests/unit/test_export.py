@@ -56,9 +56,7 @@ def test_pyuff_reads_the_synthesised_functions_back(found, tmp_path):
 
 
 def test_the_exported_functions_are_those_that_were_measured(found):
-    measured = read_measurement(read_campaign(CAMPAIGN), found.modal_model.name).frf.band(
-        *found.modal_model.band
-    )
+    measured = read_measurement(read_campaign(CAMPAIGN), found.modal_model.name).frf.band(*found.modal_model.band)
     step = float(measured.frequency[1] - measured.frequency[0])
     exported = synthesized_frf(found.modal_model, step, "accelerance")
     error = np.linalg.norm(exported.value - measured.value) / np.linalg.norm(measured.value)

@@ -78,9 +78,7 @@ def test_the_unit_of_the_abscissa_is_read(tmp_path, label, kind, factor):
 @pytest.mark.parametrize(("label", "kind"), [("ms", 4), ("furlong", 4), ("kHz", 1)])
 def test_an_abscissa_of_another_unit_is_refused_with_its_label(tmp_path, label, kind):
     file = write(tmp_path, {"function type": kind, "abscissa units label": label})
-    with pytest.raises(
-        MeasurementError, match=rf"data set 1 \(58b\): field 'abscissa units label' is '{label}'"
-    ):
+    with pytest.raises(MeasurementError, match=rf"data set 1 \(58b\): field 'abscissa units label' is '{label}'"):
         read_uff_functions(file)
 
 
@@ -112,9 +110,7 @@ def test_a_general_function_over_frequencies_and_a_force_is_an_frf(tmp_path):
 
 def test_a_dof_that_only_the_name_states(tmp_path):
     file = write(
-        tmp_path,
-        {"response node": 0, "response direction": 0, "response name": "12:-Z"},
-        {"response node": 0},
+        tmp_path, {"response node": 0, "response direction": 0, "response name": "12:-Z"}, {"response node": 0}
     )
     functions, _ = read_uff_functions(file)
     assert [f.output for f in functions] == [(12, -3), None]
@@ -133,9 +129,7 @@ def test_two_parts_with_the_same_point_numbers_are_not_merged(tmp_path):
         campaign(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("lost", "band"), [([0], None), ([20], None), ([0, 1, 2, 39], (5.0, 15.0)), ([0, 20], None)]
-)
+@pytest.mark.parametrize(("lost", "band"), [([0], None), ([20], None), ([0, 1, 2, 39], (5.0, 15.0)), ([0, 20], None)])
 def test_lines_without_numbers_do_not_spoil_a_function(tmp_path, lost, band):
     value = VALUE.copy()
     value[lost] = np.nan
@@ -144,9 +138,7 @@ def test_lines_without_numbers_do_not_spoil_a_function(tmp_path, lost, band):
     measured = campaign(tmp_path, more=more)
     assert np.isfinite(measured.frf.value).all()
     np.testing.assert_allclose(np.diff(measured.frf.frequency), 0.5)
-    np.testing.assert_allclose(
-        measured.frf.value[0, 0], (1.0 + 2.0 * measured.frf.frequency) + 2j
-    )  # a straight line
+    np.testing.assert_allclose(measured.frf.value[0, 0], (1.0 + 2.0 * measured.frf.frequency) + 2j)  # a straight line
     assert any("no numbers" in n or "numbers there" in n for n in measured.notes)
 
 
@@ -165,11 +157,7 @@ def test_a_function_that_lacks_many_numbers_is_left_to_the_check(tmp_path):
         ("a.uff", b"    -1\n    55\nNONE\n    -1\n", "it holds data sets 55"),
         ("b.uff", POINTS_OF_INCHES + b"    -1\n    55\nNONE\n    -1\n", "it holds data sets 15, 55"),
         ("a.uff", POINTS_OF_INCHES + b"    -1\n    58\nNONE\n    -1\n", "the header has 1 lines"),
-        (
-            "a.uff",
-            encode_58b(HEADER | {"function type": 12}, 0.0, 0.5, VALUE),
-            "neither FRFs .* nor time histories",
-        ),
+        ("a.uff", encode_58b(HEADER | {"function type": 12}, 0.0, 0.5, VALUE), "neither FRFs .* nor time histories"),
     ],
 )
 def test_why_a_file_is_no_measurement(tmp_path, name, content, reason):
@@ -189,9 +177,7 @@ def test_files_with_frfs_outvote_more_files_of_coherences(tmp_path):
 
 
 def test_h1_in_a_name_outweighs_fft(tmp_path):
-    savemat(
-        tmp_path / "a.mat", {"FFT1_H1_2_1_Y_ReIm": VALUE, "FFT1_AP_1_Y_ReIm": 2 * VALUE, "xIncrement": 0.5}
-    )
+    savemat(tmp_path / "a.mat", {"FFT1_H1_2_1_Y_ReIm": VALUE, "FFT1_AP_1_Y_ReIm": 2 * VALUE, "xIncrement": 0.5})
     (contents,) = draft(tmp_path).contents
     assert (contents.keys["frf"], contents.keys["axis_step"]) == ("FFT1_H1_2_1_Y_ReIm", 0.5)
 
@@ -203,8 +189,7 @@ def test_units_with_negative_powers(label):
 
 
 @pytest.mark.parametrize(
-    ("label", "factor"),
-    [("g's/lbf", 2.204623), ("Gs/N", 9.80665), ("g/Newtons", 9.80665), ("g/Pounds", 2.204623)],
+    ("label", "factor"), [("g's/lbf", 2.204623), ("Gs/N", 9.80665), ("g/Newtons", 9.80665), ("g/Pounds", 2.204623)]
 )
 def test_units_as_programs_spell_them(label, factor):
     """ME'scope writes g's and Gs, LabVIEW Newtons and Pounds."""
@@ -217,10 +202,7 @@ def test_a_label_that_is_not_understood_is_asked_for(tmp_path):
     (tmp_path / "points.csv").write_text(POINTS)
     missing = draft_file(draft(tmp_path)).missing
     assert any(line.startswith("measurement.unit: the file states gee, which is not") for line in missing)
-    assert any(
-        "'gee' is not understood" in note and "[measurement] unit" in note
-        for note in campaign(tmp_path).notes
-    )
+    assert any("'gee' is not understood" in note and "[measurement] unit" in note for note in campaign(tmp_path).notes)
 
 
 def test_fortran_s_exponents_in_the_header_of_a_universal_file(tmp_path):
@@ -331,9 +313,7 @@ def test_what_is_not_filled_in_is_named_by_its_keys(tmp_path):
 
 def test_points_of_a_universal_file_without_a_unit_are_given_one(tmp_path):
     """As ARTeMIS writes them: 30 was once 30 m without a word."""
-    points = b"".join(
-        b"%10d%10d%10d%10d%13.5E%13.5E%13.5E\n" % (n, 0, 0, 0, 15.0 * n, 0, 0) for n in (1, 2, 3)
-    )
+    points = b"".join(b"%10d%10d%10d%10d%13.5E%13.5E%13.5E\n" % (n, 0, 0, 0, 15.0 * n, 0, 0) for n in (1, 2, 3))
     write(tmp_path, {}, before=b"    -1\n    15\n" + points + b"    -1\n")
     assert 'unit = "mm"  # guessed: the points span 30' in draft_file(draft(tmp_path)).text
     write(tmp_path, {}, before=UNITS_OF_INCHES + POINTS_OF_INCHES)
@@ -356,11 +336,7 @@ def test_a_unit_in_quotes():
 
 def test_fixed_sensors_and_a_roving_hammer_are_one_run(tmp_path):
     for force in (1, 2, 3):
-        write(
-            tmp_path,
-            *({"response node": n, "reference node": force} for n in (3, 4)),
-            name=f"hit_{force}.uff",
-        )
+        write(tmp_path, *({"response node": n, "reference node": force} for n in (3, 4)), name=f"hit_{force}.uff")
     (tmp_path / "points.csv").write_text(POINTS)
     text = draft_file(draft(tmp_path)).text
     (tmp_path / "campaign.toml").write_text(text)
@@ -391,9 +367,7 @@ def test_memory_of_large_universal_files(tmp_path):
     read = read_campaign(tmp_path / "campaign.toml")
     assert peak_of(lambda: read_measurement(read, tmp_path.name)) < 2.5 * arrays
     measured = read_measurement(read, tmp_path.name)
-    noise = np.random.default_rng(0).normal(
-        size=measured.frf.value.shape
-    )  # so that no channel is as another one
+    noise = np.random.default_rng(0).normal(size=measured.frf.value.shape)  # so that no channel is as another one
     measured = replace(measured, frf=replace(measured.frf, value=measured.frf.value * (1.0 + noise)))
     check(measured, (1.0, 100.0))  # imports what it needs
     assert peak_of(lambda: check(measured)) < 2.0 * arrays
@@ -424,9 +398,7 @@ def test_records_of_unequal_lengths_share_their_lines(tmp_path):
     for run, n_sample in enumerate((912, 903, 910), start=1):
         force = np.zeros(n_sample)
         force[5:8] = 1.0, 2.0, 1.0
-        response = np.convolve(force, np.exp(-0.02 * np.arange(n_sample)) * rng.standard_normal(n_sample))[
-            :n_sample
-        ]
+        response = np.convolve(force, np.exp(-0.02 * np.arange(n_sample)) * rng.standard_normal(n_sample))[:n_sample]
         rows = "".join(
             f"{k / 1000:.4f},{f:.6f},{x:.6f}\n" for k, (f, x) in enumerate(zip(force, response, strict=True))
         )
@@ -507,8 +479,7 @@ def test_several_functions_beside_one_frequency_are_read_and_a_time_is_none(tmp_
     f = np.arange(0.0, 200.0, 0.5)
     value = np.array([np.exp(1j * f / (30.0 + k)) for k in range(3)])
     savemat(
-        tmp_path / "all.mat",
-        {"FRF": np.column_stack([f, *(part for own in value for part in (own.real, own.imag))])},
+        tmp_path / "all.mat", {"FRF": np.column_stack([f, *(part for own in value for part in (own.real, own.imag))])}
     )
     dofs = {"output": '["1+z", "2+z", "3+z"]', "input": '["1+z"]'}
     measured = measured_as_drafted(tmp_path, unit='"(m/s2)/N"', **dofs)

@@ -56,9 +56,7 @@ def test_a_shifted_run_is_named_with_its_modes_and_shifts():
     def found(shift):
         frf = SimpleNamespace(run=np.arange(3), reciprocal=False)
         measurement = SimpleNamespace(notes=("12+z measured twice",), frf=frf)
-        return SimpleNamespace(
-            verdicts=verdicts, measurement=measurement, modal_model=roved(shift), explained=None
-        )
+        return SimpleNamespace(verdicts=verdicts, measurement=measurement, modal_model=roved(shift), explained=None)
 
     assert quality(found([[0, 0], [0, -1e-3], [0, 0]])).findings == (
         "sign of the sensors: warning: 12+z looks turned",

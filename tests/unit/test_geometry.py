@@ -9,9 +9,7 @@ TURNED = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # rows: the local axes
 
 
 def test_directions_are_those_of_the_local_axes():
-    geometry = Geometry(
-        node=[3, 8], coordinate=np.zeros((2, 3)), line=np.empty((0, 2)), axes=[np.eye(3), TURNED]
-    )
+    geometry = Geometry(node=[3, 8], coordinate=np.zeros((2, 3)), line=np.empty((0, 2)), axes=[np.eye(3), TURNED])
     assert geometry.direction(3, -2) == (0, -1, 0)
     assert geometry.direction(8, 1) == (0, 1, 0)
     assert geometry.direction(8, -2) == (1, 0, 0)

@@ -101,9 +101,7 @@ def test_an_answer_is_judged_by_what_was_planted():
     assert record(names=(("weld_seam",), ("clamp_mass",))).outcome == "wrong"
     assert record(**silent).outcome == "nothing"
     assert record(kind="null", truth=(), **silent).outcome == "right"
-    assert (
-        record(kind="crossing_null", truth=(), **silent | {"verdict": "unlike anything"}).outcome == "wrong"
-    )
+    assert record(kind="crossing_null", truth=(), **silent | {"verdict": "unlike anything"}).outcome == "wrong"
     assert record(kind="lacking", truth=(), **silent | {"verdict": "unlike anything"}).outcome == "right"
     assert record(kind="lacking", truth=()).outcome == "wrong"
 
@@ -137,10 +135,7 @@ def test_answers_of_the_published_figures_are_records(tmp_path):
     assert [own.key for own in read(file)] == [own.key for own in records]
     of_shipped = [own for own in records if own.setup == "shipped" and own.seed >= 861_600]
     null = [own for own in of_shipped if own.kind == "null"]
-    assert (len(null), sum(own.outcome == "right" for own in null)) == (
-        51,
-        51,
-    )  # as `docs/validation.md` has it
+    assert (len(null), sum(own.outcome == "right" for own in null)) == (51, 51)  # as `docs/validation.md` has it
     shows = [own for own in of_shipped if own.kind == "single" and own.shows]
     assert (len(shows), sum(own.outcome == "wrong" for own in shows)) == (62, 0)
 

@@ -125,9 +125,7 @@ def test_a_model_that_is_read_back_is_still_that_of_a_stack(with_model, tmp_path
     assert again.G_f.value == with_model.identified.fit.G_f.value
 
 
-def test_every_table_and_picture_is_there_for_both_models_and_that_with_what_was_found_comes_first(
-    with_model,
-):
+def test_every_table_and_picture_is_there_for_both_models_and_that_with_what_was_found_comes_first(with_model):
     found, base = pair_tables(with_model, with_model.fit, {})
     assert (found.model, base.model) == ("found", "base")
     assert "error of the base model [%]" in found.header
@@ -162,9 +160,7 @@ def test_errors_before_and_after_stand_beside_each_other(with_model):
     assert table.rows[0][0] == "M1"
     assert float(table.rows[0][2]) < 1e-3 < float(table.rows[0][1])
     assert table.rows[0][-2:] == ("0.300", "0.800")
-    assert frac_sentence(made) == (
-        "The likeness of modelled and measured FRFs (mean FRAC) rises from 0.20 to 0.70.",
-    )
+    assert frac_sentence(made) == ("The likeness of modelled and measured FRFs (mean FRAC) rises from 0.20 to 0.70.",)
     assert "mean FRAC, base" not in before_after_table(results(tested=(with_model,))).header
     assert frac_sentence(results(tested=(with_model,))) == ()
 

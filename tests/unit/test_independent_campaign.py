@@ -81,12 +81,9 @@ def test_accelerance_is_that_of_the_modes():
 
 def test_a_sensor_lowers_frequencies_of_its_run_and_dummies_of_all():
     mass = 0.01
-    runs = modal_tables(
-        simulate(short(sensor_mass=mass), Bar()), TableNoise(frequency=0.0, damping=0.0, shape=0.0)
-    )
+    runs = modal_tables(simulate(short(sensor_mass=mass), Bar()), TableNoise(frequency=0.0, damping=0.0, shape=0.0))
     all_on = modal_tables(
-        simulate(short(sensor_mass=mass, dummies=True), Bar()),
-        TableNoise(frequency=0.0, damping=0.0, shape=0.0),
+        simulate(short(sensor_mass=mass, dummies=True), Bar()), TableNoise(frequency=0.0, damping=0.0, shape=0.0)
     )
     square = 2.0 / MASS * np.mean(np.cos(np.pi * np.linspace(0, 1, 11)[:, None] * [1, 2, 3]) ** 2, axis=0)
     np.testing.assert_allclose(runs[1].frequency / FREQUENCY[1:4] - 1, -mass * square, rtol=0.02)

@@ -18,13 +18,8 @@ EVERY = 2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)
 SPRING = np.diff(np.eye(N), axis=0)[8:12]
 SPOT = SPRING.T @ SPRING
 ROWS = np.eye(N)[::2]
-BASE = (
-    Coordinate(name="stiffness", std=np.inf, longest=0.4),
-    Coordinate(name="density", std=0.05),
-)
-TERM = Term(
-    name="spot", coordinates=(Coordinate(name="loss", std=1.0, lower=-0.9, upper=0.9, starts=(0.2,)),)
-)
+BASE = (Coordinate(name="stiffness", std=np.inf, longest=0.4), Coordinate(name="density", std=0.05))
+TERM = Term(name="spot", coordinates=(Coordinate(name="loss", std=1.0, lower=-0.9, upper=0.9, starts=(0.2,)),))
 CLOSE = 1e-3
 LOSSY = 1e-4  # damping over stiffness, s
 
@@ -34,11 +29,7 @@ def matrices(at):
     factor, heavy = 1e6 * np.exp(at.get("stiffness", 0.0)), np.exp(at.get("density", 0.0))
     whole = EVERY - at.get("loss", 0.0) * SPOT
     zero = np.zeros((N, N))
-    change = {
-        "stiffness": (factor * whole, zero),
-        "density": (zero, heavy * np.eye(N)),
-        "loss": (-factor * SPOT, zero),
-    }
+    change = {"stiffness": (factor * whole, zero), "density": (zero, heavy * np.eye(N)), "loss": (-factor * SPOT, zero)}
     return factor * whole, heavy * np.eye(N), change
 
 
@@ -173,10 +164,7 @@ def changed():
 
 def test_a_fit_ends_at_the_truth_from_wherever_it_starts(changed):
     model, common = changed
-    fits = [
-        explain(model, [TERM], common, np.array(start))
-        for start in ([-0.5, 0, 0.0], [0.0, 0, 0.2], [0.6, 0, 0.7])
-    ]
+    fits = [explain(model, [TERM], common, np.array(start)) for start in ([-0.5, 0, 0.0], [0.0, 0, 0.2], [0.6, 0, 0.7])]
     for fit in fits:
         assert abs(fit.value("loss") - 0.3) < 3.0 * fit.std[-1] < 0.03
         assert fit.log_evidence == pytest.approx(fits[0].log_evidence, abs=0.1)
@@ -210,11 +198,9 @@ def test_the_covariance_of_modal_coordinates_stays_positive_where_a_shape_is_mea
     """A shape of modes that sensors hardly see is long: the inverse by itself was negative by rounding."""
     rng = np.random.default_rng(0)
     for _ in range(50):
-        rows = rng.standard_normal((44, 5)) @ rng.standard_normal((5, 21)) + 1e-6 * rng.standard_normal(
-            (44, 21)
-        )
+        rows = rng.standard_normal((44, 5)) @ rng.standard_normal((5, 21)) + 1e-6 * rng.standard_normal((44, 21))
         gap, seen = rng.uniform(0.02, 5.0, (1, 21)), rng.standard_normal((1, 21))
-        covariance = equation_error._coordinates(
-            rows.T @ rows, seen, np.array([300.0]), np.array([1e-4]), gap, 1.0
-        )[2][0]
+        covariance = equation_error._coordinates(rows.T @ rows, seen, np.array([300.0]), np.array([1e-4]), gap, 1.0)[2][
+            0
+        ]
         assert la.eigvalsh(covariance)[0] > -1e-12

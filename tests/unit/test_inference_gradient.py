@@ -31,9 +31,7 @@ class Blind(Chain):
 
     def modal(self, x, state):
         own = super().modal(x, state)
-        return replace(
-            own, rows=own.rows[FEW], beyond_rows=own.beyond_rows[FEW], row_change=own.row_change[:, FEW]
-        )
+        return replace(own, rows=own.rows[FEW], beyond_rows=own.beyond_rows[FEW], row_change=own.row_change[:, FEW])
 
 
 def seen(own):
@@ -49,9 +47,7 @@ def problems(request):
     noise = [np.maximum(shape_noise(own, model.modal(AT, i)), 1e-3) for i, own in enumerate(measured_states)]
 
     def at(x, tree):
-        errors = [
-            equation_errors(own, model.modal(x, i), noise[i], x.size) for i, own in enumerate(measured_states)
-        ]
+        errors = [equation_errors(own, model.modal(x, i), noise[i], x.size) for i, own in enumerate(measured_states)]
         if tree:
             return tree_problem(errors, Tree(paths=PATHS, shares=SHARES), x.size)
         return joined(errors, shared_levels(PATHS, SHARES))
@@ -83,13 +79,9 @@ def test_errors_are_weighed_on_the_tree_as_by_the_covariance_in_full(problems):
     pull, first = inverse @ full.value, 0
     for own, (by_tree, blocks) in zip(full.errors, pulls(tree, SIZES.stiffness), strict=True):
         n, m = own.value.shape
-        np.testing.assert_allclose(
-            by_tree.ravel(), pull[first : first + n * m], rtol=1e-6, atol=1e-6 * abs(pull).max()
-        )
+        np.testing.assert_allclose(by_tree.ravel(), pull[first : first + n * m], rtol=1e-6, atol=1e-6 * abs(pull).max())
         for r in range(n):
             at = slice(first + r * m, first + (r + 1) * m)
-            np.testing.assert_allclose(
-                blocks[r], inverse[at, at], rtol=1e-5, atol=1e-6 * abs(inverse[at, at]).max()
-            )
+            np.testing.assert_allclose(blocks[r], inverse[at, at], rtol=1e-5, atol=1e-6 * abs(inverse[at, at]).max())
         first += n * m
     assert Passing(tree, SIZES.stiffness).root().product.shape == (4, 4)

@@ -51,9 +51,7 @@ class Choice(Chain):
         )
 
 
-Choice.of = lambda self, coordinates, _=None: Choice(
-    self.states, tuple(self.terms.values()), tuple(coordinates)
-)
+Choice.of = lambda self, coordinates, _=None: Choice(self.states, tuple(self.terms.values()), tuple(coordinates))
 
 
 def states(loss):
@@ -88,9 +86,7 @@ def test_nothing_is_named_where_nothing_is_missing():
 def test_what_acts_alike_is_not_told_apart():
     found = searched(0.4, (TERM, TWIN, STIFF))
     decision = decide(found)
-    assert [found.odds(x) for x in decision.left] == sorted(
-        (found.odds(x) for x in decision.left), reverse=True
-    )
+    assert [found.odds(x) for x in decision.left] == sorted((found.odds(x) for x in decision.left), reverse=True)
     assert decision.verdict == "one of"
     assert {x.terms for x in decision.left} == {("spot",), ("twin",)}
 
@@ -149,12 +145,8 @@ def test_what_data_say_beside_a_fit_is_what_a_fit_with_it_says():
 
 
 def prediction(frequency, damping=0.1, pull=1.0):
-    nothing = LeftOut(
-        errors={"frequency": np.full(1, np.nan), "damping": np.full(1, np.nan)}, state=np.zeros(1)
-    )
-    mode = LeftOut(
-        errors={"frequency": np.array([frequency]), "damping": np.array([damping])}, state=np.zeros(1)
-    )
+    nothing = LeftOut(errors={"frequency": np.full(1, np.nan), "damping": np.full(1, np.nan)}, state=np.zeros(1))
+    mode = LeftOut(errors={"frequency": np.array([frequency]), "damping": np.array([damping])}, state=np.zeros(1))
     return Prediction(mode=mode, state=nothing, pull=pull)
 
 
@@ -170,11 +162,7 @@ def prediction(frequency, damping=0.1, pull=1.0):
         (prediction(8e-3, damping=0.05), prediction(5e-3), False),  # what makes frequencies worse
         (prediction(5e-3, pull=1.0), prediction(5e-3, pull=5.0), True),  # what lets go of what is known
         (prediction(5e-3, pull=4.0), prediction(5e-3, pull=5.0), False),
-        (
-            prediction(2e-3, pull=3.6),
-            prediction(5e-3, pull=3.1),
-            True,
-        ),  # a true deviation shows beside what is right
+        (prediction(2e-3, pull=3.6), prediction(5e-3, pull=3.1), True),  # a true deviation shows beside what is right
         (prediction(2e-3, pull=4.0), prediction(5e-3, pull=5.0), True),
         (prediction(2e-3, pull=2.5), prediction(5e-3, pull=1.0), True),
     ],

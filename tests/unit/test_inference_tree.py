@@ -79,9 +79,7 @@ def test_coordinates_of_single_states_stand_among_all(every):
             replace(e, jacobian=jacobian, damping_jacobian=damping, curvature=curvature, touched=None)
         )  # fmt: skip
     full, found = tree_problem(wide, tree, n), tree_problem(own, tree, n)
-    np.testing.assert_allclose(
-        found.weighed(SIZES).hessian, full.weighed(SIZES).hessian, rtol=1e-9, atol=1e-6
-    )
+    np.testing.assert_allclose(found.weighed(SIZES).hessian, full.weighed(SIZES).hessian, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found.curvature, full.curvature)
 
 

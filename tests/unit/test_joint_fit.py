@@ -50,9 +50,7 @@ def modes_of(name, G_f, seed=0, height=STACK.height, mass=MASS, exponent=EXPONEN
     up = np.tile([0.0, 0.0, 1.0], (n, 1))
     seen = observe(system, Observation(node=np.arange(n), location=location, direction=up))
     values = {"clamp_added_mass": mass, "exponent": exponent, "pressure": PRESSURES[name]}
-    found = solve_modes(
-        system, G_f=G_f, d_f=d_f, n_mode=22, observation=seen, parameters=values, by=()
-    ).elastic()
+    found = solve_modes(system, G_f=G_f, d_f=d_f, n_mode=22, observation=seen, parameters=values, by=()).elastic()
     frequency = found.frequency[:N_MODE] * (1.0 + 1e-4 * rng.standard_normal(N_MODE))
     damping = found.damping[:N_MODE] * (1.0 + 0.01 * rng.standard_normal(N_MODE))
     shape = found.shape[:, :N_MODE] / np.abs(found.shape[:, :N_MODE]).max(axis=0)
@@ -160,9 +158,7 @@ def test_two_stacks_share_an_effect_and_have_contact_of_their_own():
 def test_an_effect_can_be_each_stacks_own():
     heavy, plain = specimen("S", mass=MASS), specimen("T", mass=0.0)
     found = fitted([heavy, plain], ["clamp_mass"], scope={"clamp_added_mass": "specimen"}, fixed={})
-    assert parameter(found, "clamp_added_mass", "S").value > 2.0 * abs(
-        parameter(found, "clamp_added_mass", "T").value
-    )
+    assert parameter(found, "clamp_added_mass", "S").value > 2.0 * abs(parameter(found, "clamp_added_mass", "T").value)
 
 
 def test_a_prior_draws_an_estimate_and_what_is_fixed_is_no_parameter(linear, of_one):
@@ -186,9 +182,7 @@ def test_an_estimate_at_its_bound_says_so(linear):
 def test_modes_held_out_are_predicted_not_fitted(linear):
     (_, p, modes), other = linear.tested
     wrong = modes.frequency * np.where(np.arange(N_MODE) == 3, 1.3, 1.0)
-    spoilt = dataclasses.replace(
-        linear, tested=(("M1", p, dataclasses.replace(modes, frequency=wrong)), other)
-    )
+    spoilt = dataclasses.replace(linear, tested=(("M1", p, dataclasses.replace(modes, frequency=wrong)), other))
     found = fitted([spoilt], ["clamp_mass"], hold_out={"M1": [3]})
     assert holds(found, "clamp_added_mass", MASS)
     assert found.fit.error() < 2e-3
@@ -206,9 +200,7 @@ def test_each_configuration_can_have_its_own_contact(one):
 def test_young_and_density_that_are_free_are_told_apart_by_nothing(linear):
     """Young's modulus, density and G_f scale together: frequencies tell two of the three."""
     free = fitted([linear], ["clamp_mass"], free=("young", "density"), damping=False)
-    known = fitted(
-        [linear], ["clamp_mass"], priors={"young": (1.0, 0.02), "density": (1.0, 0.01)}, damping=False
-    )
+    known = fitted([linear], ["clamp_mass"], priors={"young": (1.0, 0.02), "density": (1.0, 0.01)}, damping=False)
     assert parameter(free, "young").std > 3.0 * parameter(known, "young").std
     assert holds(known, "young", 1.0)
     assert holds(known, "clamp_added_mass", MASS)

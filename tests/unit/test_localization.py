@@ -10,13 +10,7 @@ import pytest
 from PIL import Image
 
 import model
-from updating.correlation.localization import (
-    ENERGY_KINDS,
-    Regions,
-    energy_by_region,
-    map_error,
-    regions,
-)
+from updating.correlation.localization import ENERGY_KINDS, Regions, energy_by_region, map_error, regions
 from updating.correlation.plots import error_map_picture
 from updating.errors import UpdatingError
 
@@ -71,18 +65,14 @@ def observation(stack):
     half = np.array([stack.length, stack.width, stack.height]) / 2.0
     x, y, z = np.linspace(-1.0, 1.0, 11), [-1.0, 1.0], [-1.0, 1.0]
     location = half * np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
-    return model.Observation(
-        node=np.arange(44), location=location, direction=np.tile([0.0, 0.0, 1.0], (44, 1))
-    )
+    return model.Observation(node=np.arange(44), location=location, direction=np.tile([0.0, 0.0, 1.0], (44, 1)))
 
 
 def simulate(stack, observation, noise=0.01, seed=0):
     """The modes of a stack as a test would give them."""
     rng = np.random.default_rng(seed)
     system = model.reduce(stack, G_f_range=(900.0, 2400.0))
-    modes = model.solve_modes(
-        system, G_f=stack.contact.G_f, d_f=0.0, n_mode=14, observation=observation
-    ).elastic()
+    modes = model.solve_modes(system, G_f=stack.contact.G_f, d_f=0.0, n_mode=14, observation=observation).elastic()
     std = noise * np.sqrt(np.mean(modes.shape**2, axis=0)) * np.ones((44, 1))
     return SimpleNamespace(
         frequency=modes.frequency * (1.0 + 1e-4 * rng.standard_normal(modes.frequency.size)),
@@ -146,8 +136,7 @@ def modal_energy(system, modes, theta, where):
     """Share of each mode's energy by kind and region: strain energy of the four kinds of stiffness, kinetic of mass."""
     energy = energy_by_region(system, system.basis @ modes.coordinate, theta, where)
     stiffness, mass = (
-        np.einsum("ir,ij,jr->r", modes.coordinate, system.matrix(target, theta), modes.coordinate)
-        for target in "KM"
+        np.einsum("ir,ij,jr->r", modes.coordinate, system.matrix(target, theta), modes.coordinate) for target in "KM"
     )
     energy[:, :-1] /= stiffness[:, None, None, None, None]
     energy[:, -1] /= mass[:, None, None, None]
@@ -242,9 +231,7 @@ def test_what_is_located_is_all_of_the_error(local):
 def test_the_picture_is_dark_where_contact_was_lost(local, stack):
     image = Image.open(io.BytesIO(error_map_picture(local, stack, "tangential contact", size=(800, 320))))
     assert image.size == (800, 320)
-    front = np.asarray(image.convert("RGB"), dtype=float)[
-        40:250, :400
-    ]  # the heading and the scale lie outside
+    front = np.asarray(image.convert("RGB"), dtype=float)[40:250, :400]  # the heading and the scale lie outside
     dark = np.argwhere((front.sum(axis=2) < 200.0) & (front[..., 0] > 2.0 * front[..., 2]))  # and no ink
     assert dark.shape[0] > 100
     assert 230 < np.median(dark[:, 1]) < 340
@@ -257,14 +244,7 @@ def test_unknown_kinds_are_refused(local):
 
 def test_a_map_needs_a_mode(system, stack, observation):
     with pytest.raises(UpdatingError, match="at least one measured mode"):
-        map_error(
-            system,
-            SimpleNamespace(),
-            observation,
-            regions(stack),
-            G_f=1480.0,
-            modes=np.zeros(0, int),
-        )
+        map_error(system, SimpleNamespace(), observation, regions(stack), G_f=1480.0, modes=np.zeros(0, int))
 
 
 def test_regions_ascend():

@@ -90,9 +90,7 @@ def test_shapes_of_any_unit_do_where_their_modal_constants_are_known():
     measured = replace(constants, shape=constants.shape * unit, drive=1.0 / unit)
     found = without_sensors(measured, np.full(N, np.nan))
     np.testing.assert_allclose(found.frequency, bare[0], rtol=1e-6)
-    np.testing.assert_allclose(
-        found.shape, bare[1] * bare[1][FORCE] * unit, atol=1e-4 * np.abs(found.shape).max()
-    )
+    np.testing.assert_allclose(found.shape, bare[1] * bare[1][FORCE] * unit, atol=1e-4 * np.abs(found.shape).max())
 
 
 def test_shapes_are_not_moved_for_shifts_that_no_mass_makes():

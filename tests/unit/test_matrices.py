@@ -26,14 +26,10 @@ N, SPRING, MASS = 6, 2.0e3, 0.5  # a chain of 6 masses along x, N/m and kg, held
 K = SPRING * (2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1))
 K[-1, -1] = SPRING
 M = MASS * np.eye(N)
-CHAIN = (
-    np.sqrt(SPRING / MASS) / np.pi * np.sin((2 * np.arange(N) + 1) * np.pi / (4 * N + 2))
-)  # Hz, closed form
+CHAIN = np.sqrt(SPRING / MASS) / np.pi * np.sin((2 * np.arange(N) + 1) * np.pi / (4 * N + 2))  # Hz, closed form
 NODE = 10 + np.arange(N)
 
-HEAD = (
-    'name = "chain"\n[matrices]\nunits = "m-kg-s"\nstiffness = "k.npz"\nmass = "m.npz"\ndofs = "dofs.csv"\n'
-)
+HEAD = 'name = "chain"\n[matrices]\nunits = "m-kg-s"\nstiffness = "k.npz"\nmass = "m.npz"\ndofs = "dofs.csv"\n'
 TAIL = "[reduction]\nband_Hz = 100\n"
 
 
@@ -70,30 +66,20 @@ def as_text(kind, matrix, name):
     if kind == "abaqus":
         return "".join(f"{NODE[i]},1, {NODE[j]},1,  {v:.15e}\n" for i, j, v in triangle(matrix))
     if kind == "market":
-        head = (
-            f"%%MatrixMarket matrix coordinate real symmetric\n{N} {N} {np.count_nonzero(np.tril(matrix))}\n"
-        )
+        head = f"%%MatrixMarket matrix coordinate real symmetric\n{N} {N} {np.count_nonzero(np.tril(matrix))}\n"
         return head + "".join(f"{i + 1} {j + 1} {v:.15e}\n" for i, j, v in triangle(matrix))
     lines = [f"DMIG    {name:8s}       0       6       2       0{'':16s}{N:8d}"]
     for j in range(N):
         lines.append(f"DMIG*   {name:16s}{NODE[j]:16d}{1:16d}")
         lines += [
-            f"*       {NODE[i]:16d}{1:16d}{matrix[i, j]:16.9E}".replace("E", "D")
-            for i in range(j, N)
-            if matrix[i, j]
+            f"*       {NODE[i]:16d}{1:16d}{matrix[i, j]:16.9E}".replace("E", "D") for i in range(j, N) if matrix[i, j]
         ]
     return "\n".join(lines) + "\n"
 
 
 @pytest.mark.parametrize(
     ("kind", "file"),
-    [
-        ("calculix", "k.sti"),
-        ("abaqus", "k_STIF1.mtx"),
-        ("market", "k.mtx"),
-        ("market", "k.mmf"),
-        ("nastran", "k.pch"),
-    ],
+    [("calculix", "k.sti"), ("abaqus", "k_STIF1.mtx"), ("market", "k.mtx"), ("market", "k.mmf"), ("nastran", "k.pch")],
 )
 def test_each_program_s_text_is_read(tmp_path, kind, file):
     (tmp_path / file).write_text(as_text(kind, K, "KAAX"))
@@ -103,9 +89,7 @@ def test_each_program_s_text_is_read(tmp_path, kind, file):
 
 
 def test_labels_of_ansys_are_read(tmp_path):
-    text = "  Matrix Eqn     Node      DOF\n" + "".join(
-        f"{i + 1:12d}{n:9d}  UX\n" for i, n in enumerate(NODE)
-    )
+    text = "  Matrix Eqn     Node      DOF\n" + "".join(f"{i + 1:12d}{n:9d}  UX\n" for i, n in enumerate(NODE))
     path = write(tmp_path, head=HEAD.replace("dofs.csv", "k.mapping") + 'nodes = "dofs.csv"\n')
     (tmp_path / "k.mapping").write_text(text)
     assert frequencies(path) == pytest.approx(CHAIN)
@@ -260,9 +244,7 @@ def test_a_complex_matrix_of_nastran_is_refused(tmp_path):
         "DMIG    KAAX           0       6       4       0\nDMIG*   KAAX                           1               1\n"
         "*                      1               1  5.0000000D+03  1.0000000D+02\n"
     )
-    with pytest.raises(
-        model.MatricesError, match="matrix KAAX is complex; write it without structural damping"
-    ):
+    with pytest.raises(model.MatricesError, match="matrix KAAX is complex; write it without structural damping"):
         read_entries("k.pch", tmp_path, "K", None)
 
 
@@ -351,9 +333,7 @@ def test_terms_are_taken_out_of_what_holds_them(tmp_path):
 
 def test_a_stiffness_that_is_the_sum_of_terms(tmp_path):
     head = HEAD.replace('stiffness = "k.npz"\n', "")
-    structure = model.read_matrices(
-        write(tmp_path, head=head, body='[[term]]\nname = "a"\nstiffness = "k.npz"\n')
-    )
+    structure = model.read_matrices(write(tmp_path, head=head, body='[[term]]\nname = "a"\nstiffness = "k.npz"\n'))
     assert structure.matrix("K", {"a": 2.0}).toarray() == pytest.approx(2.0 * K)
 
 
@@ -449,18 +429,14 @@ def test_rows_are_shapes_at_places(example):
     tip = np.flatnonzero((structure.dof == 3) & (np.linalg.norm(structure.location - on, axis=1) < 1e-9))
     first = found.rows(reduced)[0] @ reduced.solve(n_mode=1)[1][:, 0]
     assert abs(first[0]) == pytest.approx(abs(shape[tip[0]]), rel=1e-6)
-    exact = replace(
-        reduced, basis=bending(structure.location)[np.arange(len(structure.dof)), structure.dof - 1, None]
-    )
+    exact = replace(reduced, basis=bending(structure.location)[np.arange(len(structure.dof)), structure.dof - 1, None])
     rows, slope = found.rows(exact)
     assert rows[:, 0] == pytest.approx(bending([on, between])[:, 2], abs=1e-5)
     assert slope[:, 0] == pytest.approx([2 * 0.24, 2 * 0.13 - 2 * 0.07], abs=1e-3)
 
 
 def test_a_point_off_the_structure_is_named(example):
-    with pytest.raises(
-        model.MatricesError, match=r"point 7 is 260 mm from the nearest node.*check their unit"
-    ):
+    with pytest.raises(model.MatricesError, match=r"point 7 is 260 mm from the nearest node.*check their unit"):
         places_on(example[0], [7], np.array([[0.5, 0.0, 0.0]]), np.array([[0, 0, 1.0]]))
 
 
@@ -503,6 +479,4 @@ def test_punch_files_as_pyyeti_reads_them(tmp_path):
     (tmp_path / "k.pch").write_text(as_text("nastran", K, "KAAX"))
     other = bulk.rddmig(str(tmp_path / "k.pch"))["kaax"].to_numpy()
     whole = symmetric(read_entries("k.pch", tmp_path, "K", None)).toarray()
-    assert whole == pytest.approx(
-        other if np.allclose(other, other.T) else other + other.T - np.diag(np.diag(other))
-    )
+    assert whole == pytest.approx(other if np.allclose(other, other.T) else other + other.T - np.diag(np.diag(other)))

@@ -36,9 +36,7 @@ def measured(structure, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def reference(structure, measured):
-    states = [
-        measured({"root_springs": value}, seed=i) for i, value in enumerate((SPRINGS, MOUNTED["again"]))
-    ]
+    states = [measured({"root_springs": value}, seed=i) for i, value in enumerate((SPRINGS, MOUNTED["again"]))]
     return fit_matrices_reference(structure, [(f"r{i}", np.nan, own) for i, own in enumerate(states)])
 
 

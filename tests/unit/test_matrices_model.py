@@ -60,9 +60,7 @@ def test_derivatives_are_those_of_differences(structure, measured):
         ends = [near.modal(x + sign * step, 0).eigenvalue for sign in (1.0, -1.0)]
         k = list(found.moves).index(i)
         expected = np.diag(found.stiffness[k]) - found.eigenvalue * np.diag(found.mass[k])
-        np.testing.assert_allclose(
-            (ends[0] - ends[1]) / 2e-6, expected, rtol=1e-3, atol=1e-6 * found.eigenvalue[-1]
-        )
+        np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, expected, rtol=1e-3, atol=1e-6 * found.eigenvalue[-1])
     i = order.index(POINTS_SHIFT)
     step = 1e-6 * np.eye(x.size)[i]
     ends = [near.modal(x + sign * step, 0).rows for sign in (1.0, -1.0)]
@@ -88,9 +86,7 @@ def test_nothing_is_missing_where_nothing_is(structure, measured):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        pytest.param(
-            "mass_at_corner", 0.04, marks=pytest.mark.slow
-        ),  # `lamella diagnose` finds that of the example
+        pytest.param("mass_at_corner", 0.04, marks=pytest.mark.slow),  # `lamella diagnose` finds that of the example
         ("spring_at_other_corner_z", 2e4),
         ("tip_mass", 0.5),
     ],
@@ -107,9 +103,7 @@ def test_what_is_hidden_is_found(structure, measured, name, value):
 def test_a_basis_is_asked_once_whether_it_holds_about_a_point(structure, measured, monkeypatch):
     whole, asked = _of(structure, measured({"root_springs": 1.0})), []
     error = model.ReducedMatrices.error
-    monkeypatch.setattr(
-        model.ReducedMatrices, "error", lambda own, theta: asked.append(theta) or error(own, theta)
-    )
+    monkeypatch.setattr(model.ReducedMatrices, "error", lambda own, theta: asked.append(theta) or error(own, theta))
     at = [c.name for c in whole.nuisances].index("root_springs")
     for value in (0.0, 0.01, 0.1):
         x = np.zeros(len(whole.nuisances))
@@ -136,9 +130,7 @@ def test_a_direction_that_rounding_leaves_without_mass_harms_no_mode(structure):
     reduced = model.reduce_matrices(structure)
     more = {"K": 1e12, "M": -1e-20}  # as of a basis whose vectors depend on each other
     terms = [replace(term, matrix=np.pad(term.matrix, (0, 1))) for term in reduced.terms]
-    for i, target in (
-        (next(i for i, t in enumerate(terms) if t.target == target), target) for target in "KM"
-    ):
+    for i, target in ((next(i for i, t in enumerate(terms) if t.target == target), target) for target in "KM"):
         terms[i].matrix[-1, -1] = more[target]
     basis = np.pad(reduced.basis, ((0, 0), (0, 1)))
     wider = replace(reduced, terms=tuple(terms), basis=basis)
@@ -158,19 +150,13 @@ def test_a_point_off_the_structure_is_named(structure, measured):
 def test_a_screen_has_what_the_model_changes(structure, measured):
     whole = _of(structure, measured({"root_springs": 1.0}))
     coordinates = coordinates_of(whole, [whole.terms[n] for n in ("mass_at_corner", "spring_at_side_z")])
-    x, there = (
-        np.zeros(len(coordinates)),
-        np.array([0.1 if c.name != POINTS_SHIFT else 0.0 for c in coordinates]),
-    )
+    x, there = (np.zeros(len(coordinates)), np.array([0.1 if c.name != POINTS_SHIFT else 0.0 for c in coordinates]))
     near = whole.about(coordinates, [x])
     screen = near.screen(x, 0)
     found, m = screen.change(there), whole.n_equation
     _, every, before = near.solved(x)
     after = near.solved(there)[2]
-    for target, own, beyond in (
-        ("K", found.stiffness, found.stiffness_beyond),
-        ("M", found.mass, found.mass_beyond),
-    ):
+    for target, own, beyond in (("K", found.stiffness, found.stiffness_beyond), ("M", found.mass, found.mass_beyond)):
         exact = every.T @ (after[target] - before[target]) @ every
         np.testing.assert_allclose(own[0][0], exact[:, :m], atol=1e-9 * np.abs(exact).max())
         np.testing.assert_allclose(beyond[0][0], np.diag(exact)[m:], atol=1e-9 * np.abs(exact).max())

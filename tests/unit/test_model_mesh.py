@@ -31,10 +31,7 @@ def test_edges_that_nearly_coincide_count_once_and_those_off_the_plan_not_at_all
 
 
 def test_elements_end_where_clamps_do():
-    clamps = (
-        model.Clamp(mass=1.0, x=-0.07, y=0.0, footprint=(0.04, 0.02)),
-        model.Clamp(mass=1.0, x=0.1, y=0.0),
-    )
+    clamps = (model.Clamp(mass=1.0, x=-0.07, y=0.0, footprint=(0.04, 0.02)), model.Clamp(mass=1.0, x=0.1, y=0.0))
     stack = dataclasses.replace(STACK, clamps=clamps, mesh=model.Mesh(n_x=6, n_y=1))
     assert {-0.09, -0.05, 0.1} <= set(ends(plan_of(stack)).tolist())
 

@@ -54,11 +54,7 @@ def test_rounding_beside_very_stiff_motion_is_no_negative_stiffness(system):
     stiff[:6] *= np.finfo(float).eps  # rounding couples it with rigid-body motion
     last = system.terms[-1]
     hard = dataclasses.replace(
-        last,
-        name="stiff",
-        target="K",
-        factor=model.Monomial(exponent={}),
-        matrix=1e15 * np.outer(stiff, stiff),
+        last, name="stiff", target="K", factor=model.Monomial(exponent={}), matrix=1e15 * np.outer(stiff, stiff)
     )
     harder = dataclasses.replace(system, terms=(*system.terms, hard))
     modes = model.solve_modes(harder, G_f=825.0, d_f=3e-11, n_mode=10, observation=CORNERS, by=())
@@ -102,14 +98,9 @@ def test_derivatives_agree_with_finite_differences(which, request):
             slope = (getattr(plus, quantity) - getattr(minus, quantity)) / (2 * step[name])
             exact = getattr(base, f"{quantity}_gradient")[:, j]
             np.testing.assert_allclose(exact, slope, atol=1e-5 * abs(slope).max() + 1e-9, rtol=1e-4)
-        sign = (
-            np.sign(np.sum(plus.shape * base.shape, axis=0)),
-            np.sign(np.sum(minus.shape * base.shape, axis=0)),
-        )
+        sign = (np.sign(np.sum(plus.shape * base.shape, axis=0)), np.sign(np.sum(minus.shape * base.shape, axis=0)))
         slope = (plus.shape * sign[0] - minus.shape * sign[1]) / (2 * step[name])
-        np.testing.assert_allclose(
-            base.shape_gradient[:, :, j], slope, atol=1e-4 * abs(slope).max() + 1e-7, rtol=1e-3
-        )
+        np.testing.assert_allclose(base.shape_gradient[:, :, j], slope, atol=1e-4 * abs(slope).max() + 1e-7, rtol=1e-3)
 
 
 def test_shapes_are_mass_normalised_rigid_translation_included(system):
@@ -181,9 +172,7 @@ def test_what_cannot_be_asked_is_refused(system):
     with pytest.raises(model.SolveError, match=r"mass at .* is not positive"):
         model.solve_modes(system, G_f=825.0, d_f=0.0, observation=CORNERS, parameters={"density": -1.0})
     with pytest.raises(model.SolveError, match="accelerance"):
-        model.frf(
-            system, G_f=825.0, d_f=0.0, frequency=[1.0], output=CORNERS, input=CORNERS, quantity="compliance"
-        )
+        model.frf(system, G_f=825.0, d_f=0.0, frequency=[1.0], output=CORNERS, input=CORNERS, quantity="compliance")
     with pytest.raises(ValueError, match=r"expected unit vectors, got length 2 .*node 7"):
         model.Observation(node=[7], location=[[0, 0, 0]], direction=[[2, 0, 0]])
 

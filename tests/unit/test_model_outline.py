@@ -53,9 +53,7 @@ def test_stator_is_meshed_along_its_whole_outline(size):
     mesh = STATOR.triangulated(size)
     assert mesh.area == pytest.approx(STATOR.area, rel=1e-9)
     assert smallest_angle(mesh.point, mesh.triangle).min() > 8.0
-    assert STATOR.area == pytest.approx(
-        np.pi / 4 * (0.2**2 - 0.16**2 - 4 * 0.008**2) + 12 * 0.014 * 0.025, rel=0.02
-    )
+    assert STATOR.area == pytest.approx(np.pi / 4 * (0.2**2 - 0.16**2 - 4 * 0.008**2) + 12 * 0.014 * 0.025, rel=0.02)
 
 
 def test_triangles_and_rectangles_give_the_same_stack():
@@ -120,9 +118,7 @@ def test_mesh_file_gives_the_same_sheet(tmp_path):
         np.column_stack([mesh.point * 1e3 + 50.0, 0 * mesh.point[:, 0]]), mesh.triangle
     )
     solid.save(tmp_path / "sheet.vtk")
-    text = (
-        (DATA / "stator/stack.toml").read_text().replace("../contact", f"{DATA}/contact").split("[outline]")
-    )
+    text = (DATA / "stator/stack.toml").read_text().replace("../contact", f"{DATA}/contact").split("[outline]")
     rest = text[1][text[1].index("\n[") :]
     path = tmp_path / "stack.toml"
     path.write_text(text[0] + '[outline]\nkind = "mesh"\nfile = "sheet.vtk"\n' + rest)
@@ -150,29 +146,14 @@ HOLED = {"outer": 0.2, "inner": 0.1, "slot": 0.16, "n_tooth": 6, "tooth_width": 
         (lambda: ring(0.1, 0.2, 32), "must lie between 0 and the outer one"),
         (lambda: ring(float("inf"), 0.2, 32), "and that below 1000 m"),
         (lambda: Outline(boundary=[(0, 0), (1e300, 0), (0, 1)]), "not within 1000 m"),
-        (
-            lambda: stator(outer=0.2, inner=0.11, slot=0.16, n_tooth=40, tooth_width=0.014),
-            "40 teeth of 0.014 m",
-        ),
-        (
-            lambda: stator(**HOLED, holes=BoltHoles(number=2, diameter=0.02, circle=0.18)),
-            "do not fit into the yoke",
-        ),
+        (lambda: stator(outer=0.2, inner=0.11, slot=0.16, n_tooth=40, tooth_width=0.014), "40 teeth of 0.014 m"),
+        (lambda: stator(**HOLED, holes=BoltHoles(number=2, diameter=0.02, circle=0.18)), "do not fit into the yoke"),
         (lambda: stator(outer=0.2, inner=0.0, slot=0.16, n_tooth=4, tooth_width=0.014), r"0 < inner \(0\)"),
-        (
-            lambda: stator(**HOLED, holes=BoltHoles(number=60, diameter=0.01, circle=0.18)),
-            "do not fit into the yoke",
-        ),
+        (lambda: stator(**HOLED, holes=BoltHoles(number=60, diameter=0.01, circle=0.18)), "do not fit into the yoke"),
         (lambda: model.Mesh(n_x=2_000_000), "n_x and n_y must be at most 1000, got 2000000"),
         (lambda: Outline(boundary=[(0, 0), (1, 0)]), "2 corners"),
-        (
-            lambda: Outline(boundary=[(0, 0), (1, 0), (0, 1)], holes=([(2, 2), (3, 2), (2, 3)],)),
-            "reaches outside",
-        ),
-        (
-            lambda: Triangulation(point=[(0, 0), (1, 0), (0.5, 1e-3)], triangle=[(0, 1, 2)]),
-            "degrees; at least 5",
-        ),
+        (lambda: Outline(boundary=[(0, 0), (1, 0), (0, 1)], holes=([(2, 2), (3, 2), (2, 3)],)), "reaches outside"),
+        (lambda: Triangulation(point=[(0, 0), (1, 0), (0.5, 1e-3)], triangle=[(0, 1, 2)]), "degrees; at least 5"),
         (lambda: dataclasses.replace(stack(STATOR, 2, 8), length=0.3), "must fill a box of 0.3 by"),
     ],
 )

@@ -38,9 +38,7 @@ def energy(assembly, name, x):
 def stretched(assembly: model.Assembly, stack: model.Stack, field: str) -> np.ndarray:
     """Return the displacement u = z or w = z of all laminas."""
     x = np.zeros(assembly.size)
-    x[assembly.slices()[field]] = np.outer(
-        stack.lamina_z, assembly.plan.interpolate(field, (1, 0, 0))
-    ).ravel()
+    x[assembly.slices()[field]] = np.outer(stack.lamina_z, assembly.plan.interpolate(field, (1, 0, 0))).ravel()
     return x
 
 
@@ -55,12 +53,8 @@ def test_contact_stiffness_and_damping_are_integrals_of_the_field():
     # slip of one pitch at every interface: the shear modulus is p per unit of G_f, so only the force counts
     assert energy(assembly, "tangential contact", u) == pytest.approx(19 * pitch * field.force, rel=1e-6)
     assert energy(assembly, "normal contact", w) == pytest.approx(np.sum(tangent * area) * pitch, rel=1e-5)
-    assert energy(assembly, "tangential contact damping", u) == pytest.approx(
-        np.sum(p**2 * area) * pitch, rel=1e-5
-    )
-    assert energy(assembly, "normal contact damping", w) == pytest.approx(
-        np.sum(p * tangent * area) * pitch, rel=1e-5
-    )
+    assert energy(assembly, "tangential contact damping", u) == pytest.approx(np.sum(p**2 * area) * pitch, rel=1e-5)
+    assert energy(assembly, "normal contact damping", w) == pytest.approx(np.sum(p * tangent * area) * pitch, rel=1e-5)
     assert field.pressure.max() > 2 * field.mean  # an even field would prove nothing
 
 
@@ -73,9 +67,7 @@ def test_pressing_and_its_frozen_field_give_the_same_equations():
 
 def test_a_stack_is_pressed_once_for_all_its_effects(monkeypatch):
     pressed = []
-    monkeypatch.setattr(
-        "model.contact.pressing.press", lambda stack: (pressed.append(stack), press(stack))[1]
-    )
+    monkeypatch.setattr("model.contact.pressing.press", lambda stack: (pressed.append(stack), press(stack))[1])
     assembly = model.assemble(
         STACK.with_effects(*model.find_effects(["contact_direction", "edge_pressure", "soft_interlayers"]))
     )
@@ -132,9 +124,7 @@ def test_a_soft_layer_takes_the_place_of_contact():
     # strain 1 over the spacing means a slip of gap, all of it in the layer
     assert energy(assembly, "interlayers", u) == pytest.approx(1e6 * (gap / 2e-3) * gap * area, rel=1e-9)
     assert energy(assembly, "interlayers", w) == pytest.approx(5e7 * (gap / 2e-3) * gap * area, rel=1e-9)
-    assert energy(assembly, "tangential contact", u) == pytest.approx(
-        320e3 * 18 * STACK.pitch * area, rel=1e-9
-    )
+    assert energy(assembly, "tangential contact", u) == pytest.approx(320e3 * 18 * STACK.pitch * area, rel=1e-9)
     rigid = np.zeros(assembly.size)
     rigid[assembly.slices()["w"]] = np.tile(assembly.plan.interpolate("w", (1, 0, 0)), 20)
     assert energy(assembly, "interlayer mass", rigid) == pytest.approx(1200.0 * 2e-3 * area, rel=1e-9)

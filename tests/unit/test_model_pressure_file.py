@@ -83,16 +83,8 @@ def test_bolt_forces_give_the_mean_pressure_and_the_shares(tmp_path, text):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        (
-            "torque_Nm = 1.5",
-            "",
-            "must be given by one of contact.pressure_kPa, contact.torque_Nm, clamps.force_N",
-        ),
-        (
-            "torque_Nm = 1.5",
-            "torque_Nm = 1.5\npressure_kPa = 160",
-            "given are contact.pressure_kPa, contact.torque_Nm",
-        ),
+        ("torque_Nm = 1.5", "", "must be given by one of contact.pressure_kPa, contact.torque_Nm, clamps.force_N"),
+        ("torque_Nm = 1.5", "torque_Nm = 1.5\npressure_kPa = 160", "given are contact.pressure_kPa, contact.torque_Nm"),
         ("torque_Nm = 1.5", "torque_Nm = 4", "lies outside the table"),
         ("plate_thickness_mm = 20", "", "give the plates either"),
         ("compression_standin", "nothing", "nothing.csv: cannot be read"),
@@ -102,11 +94,7 @@ def test_bolt_forces_give_the_mean_pressure_and_the_shares(tmp_path, text):
         ('condition = "clamped"', 'condition = "clamped"\nacross_N_m2 = 1.0', "stiffness goes with"),
         ("across_N_m3 = 5e6", "across_N_m2 = 5e6", "a patch along_N_m3, across_N_m3"),
         ("length_mm = 300", "", "length_mm is missing; a rectangle needs it"),
-        (
-            "[pressing]",
-            '[outline]\nkind = "ring"\n[pressing]',
-            "length_mm does not go with outline.kind = 'ring'",
-        ),
+        ("[pressing]", '[outline]\nkind = "ring"\n[pressing]', "length_mm does not go with outline.kind = 'ring'"),
     ],
 )
 def test_faults_are_named(tmp_path, text, old, new, says):

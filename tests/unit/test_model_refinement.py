@@ -30,9 +30,7 @@ def interfaces(change, weight=None):
 
     def terms(assembly):
         x, y = assembly.plan.quadrature_points
-        krons = tangential_krons(
-            assembly.plan, STACK.pitch, 320e3 * change, 1.0 if weight is None else weight(x, y)
-        )
+        krons = tangential_krons(assembly.plan, STACK.pitch, 320e3 * change, 1.0 if weight is None else weight(x, y))
         factor = model.Monomial(exponent={"G_f": 1, "amount": 1})
         return (model.Term(name="interfaces", target="K", factor=factor, krons=krons),)
 
@@ -78,8 +76,7 @@ def solve(system, G_f=825.0):
 
 
 @pytest.mark.parametrize(
-    "case",
-    ["five weak", "bar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("random", "soft zone"))],
+    "case", ["five weak", "bar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("random", "soft zone"))]
 )
 def test_estimate_meets_the_true_error_and_refinement_removes_it(case):
     terms, bound = CASES[case]
@@ -120,21 +117,14 @@ def test_values_outside_the_range_are_said_to_be_and_their_error_is_seen():
 def test_one_reduction_holds_over_a_box_of_parameters():
     def terms(assembly):
         (plain,) = interfaces(np.linspace(-0.5, 0.5, N - 1))(assembly)
-        return (
-            dataclasses.replace(
-                plain, factor=model.Formula(lambda theta: np.sqrt(1.0 + theta["amount"]) - 1.0)
-            ),
-        )
+        return (dataclasses.replace(plain, factor=model.Formula(lambda theta: np.sqrt(1.0 + theta["amount"]) - 1.0)),)
 
     ranges = {"amount": (0.0, 3e3), "young": (0.9, 1.1)}
     system = model.reduce(
         STACK, terms=terms, theta={"amount": 0.0}, ranges=ranges, G_f_range=(400.0, 1600.0), n_mode=18
     )
     anywhere = model.Observation(node=[1], location=[[0.1, 0.0, 0.0]], direction=[[0.0, 0.0, 1.0]])
-    for theta in (
-        {"G_f": 450.0, "amount": 2.9e3, "young": 1.1},
-        {"G_f": 1500.0, "amount": 10.0, "young": 0.9},
-    ):
+    for theta in ({"G_f": 450.0, "amount": 2.9e3, "young": 1.1}, {"G_f": 1500.0, "amount": 10.0, "young": 0.9}):
         rest = {name: theta[name] for name in ranges}
         modes = model.solve_modes(
             system, G_f=theta["G_f"], d_f=0.0, n_mode=N_MODE, observation=anywhere, parameters=rest

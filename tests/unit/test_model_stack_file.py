@@ -29,11 +29,7 @@ def test_units_become_si(tmp_path, stack_text):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        (
-            "pressure_kPa",
-            "presure_kPa",
-            ["contact.presure_kPa", "did you mean pressure_kPa", "normal_modulus_GPa"],
-        ),
+        ("pressure_kPa", "presure_kPa", ["contact.presure_kPa", "did you mean pressure_kPa", "normal_modulus_GPa"]),
         ("poisson = 0.28\n", "", ["material.poisson is missing"]),
         ("G_f = 825", 'G_f = "stiff"', ["contact.G_f", "'stiff'"]),
         ("G_f = 825", "G_f = -1", ["G_f must be positive", "-1"]),

@@ -43,9 +43,7 @@ def uneven(stack: model.Stack) -> model.Assembly:
         "tangential contact": tangential_krons(assembly.plan, stack.pitch, modulus, weight),
         "normal contact": normal_krons(assembly.plan, stack.pitch, 1e4 * CONTACT.pressure * modulus, weight),
     }
-    terms = tuple(
-        dataclasses.replace(term, krons=contact.get(term.name, term.krons)) for term in assembly.terms
-    )
+    terms = tuple(dataclasses.replace(term, krons=contact.get(term.name, term.krons)) for term in assembly.terms)
     return dataclasses.replace(assembly, terms=terms)
 
 
@@ -229,14 +227,7 @@ def test_a_reduction_answers_to_an_inertia_at_stations_that_it_was_not_made_for(
     )
 
     def solved(system, values):
-        own = {
-            "G_f": CONTACT.G_f,
-            "d_f": 0.0,
-            "n_mode": 10,
-            "observation": corners,
-            "parameters": values,
-            "by": (),
-        }
+        own = {"G_f": CONTACT.G_f, "d_f": 0.0, "n_mode": 10, "observation": corners, "parameters": values, "by": ()}
         return model.solve_modes(system, **own).elastic().frequency
 
     neutral = model.reduce(STACK.with_effects(*model.find_effects(["clamp_inertia"])))

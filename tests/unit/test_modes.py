@@ -25,10 +25,7 @@ def value(drives: list[int], pole: NDArray = POLE) -> NDArray:
 
 
 def identified(
-    functions: NDArray,
-    drives: list[int],
-    input_direction: NDArray | None = None,
-    run: tuple[int, ...] = (0,) * 4,
+    functions: NDArray, drives: list[int], input_direction: NDArray | None = None, run: tuple[int, ...] = (0,) * 4
 ) -> ModalModel:
     node = np.arange(1, 5)
     frf = FRF(
@@ -89,9 +86,7 @@ def test_a_driving_point_that_holds_no_signal_of_one_mode_leaves_the_other_its_s
     constant = PHI * PHI[0]
     constant[0, 1] = 0.0  # a nodal line of mode 2 goes through the driving point
     residue, s = constant[:, None] / (2j * POLE.imag), 2j * np.pi * F
-    functions = s**2 * (
-        residue @ (1 / (s - POLE[:, None])) + residue.conj() @ (1 / (s - POLE.conj()[:, None]))
-    )
+    functions = s**2 * (residue @ (1 / (s - POLE[:, None])) + residue.conj() @ (1 / (s - POLE.conj()[:, None])))
     rng = np.random.default_rng(3)
     functions = functions + 1e-3 * np.abs(functions).max() * rng.standard_normal(functions.shape)
     model = identified(functions, [0])
@@ -124,9 +119,7 @@ def test_a_shifted_run_is_named_and_its_poles_are_kept() -> None:
     rng = np.random.default_rng(0)
     functions[6:] = np.concatenate([value([0])] * 2)[:6]
     scale = 1e-3 * np.sqrt(np.mean(np.abs(functions) ** 2, axis=-1, keepdims=True))
-    functions = functions + scale * (
-        rng.standard_normal(functions.shape) + 1j * rng.standard_normal(functions.shape)
-    )
+    functions = functions + scale * (rng.standard_normal(functions.shape) + 1j * rng.standard_normal(functions.shape))
     node = np.arange(1, 13)
     frf = FRF(
         frequency=F,

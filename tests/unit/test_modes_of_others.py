@@ -75,8 +75,7 @@ def test_a_damping_without_a_unit_is_told(tmp_path):
 @pytest.mark.parametrize("layout", ["point", "parts", "polar"])
 def test_shapes_in_rows_of_degrees_of_freedom(tmp_path, layout):
     modes = table(
-        ["Mode", "Freq. [Hz]", "Damping [%]"],
-        [["1", f, 100 * d] for f, d in zip(FREQUENCY, DAMPING, strict=True)],
+        ["Mode", "Freq. [Hz]", "Damping [%]"], [["1", f, 100 * d] for f, d in zip(FREQUENCY, DAMPING, strict=True)]
     )
     head, rows = ["Point", "Direction", "Mode 1", "Mode 2", "Mode 3"], []
     for n, s in enumerate(SHAPE, start=1):
@@ -113,10 +112,7 @@ def data_set_55(mode, analysis, form, reals, shape, title="NONE"):
 
 
 def test_damping_in_per_cent_in_a_universal_file_is_told(tmp_path):
-    sets = [
-        data_set_55(r + 1, 2, 2, [FREQUENCY[r], 1.0, 100 * DAMPING[r], 0.0], SHAPE[:, r].real)
-        for r in range(3)
-    ]
+    sets = [data_set_55(r + 1, 2, 2, [FREQUENCY[r], 1.0, 100 * DAMPING[r], 0.0], SHAPE[:, r].real) for r in range(3)]
     found = read(tmp_path, modes="".join(sets))
     np.testing.assert_allclose(found.modal_model.damping, DAMPING, rtol=1e-4)
     assert any("is taken in per cent" in note for note in found.notes)
@@ -124,10 +120,7 @@ def test_damping_in_per_cent_in_a_universal_file_is_told(tmp_path):
 
 def test_modes_of_negative_frequencies_alone_are_turned(tmp_path):
     pole = 2 * np.pi * FREQUENCY * (-DAMPING - 1j * np.sqrt(1 - DAMPING**2))
-    sets = [
-        data_set_55(r + 1, 3, 5, [pole[r].real, pole[r].imag, 0, 0, 0, 0], SHAPE[:, r].conj())
-        for r in range(3)
-    ]
+    sets = [data_set_55(r + 1, 3, 5, [pole[r].real, pole[r].imag, 0, 0, 0, 0], SHAPE[:, r].conj()) for r in range(3)]
     model = read(tmp_path, modes="".join(sets)).modal_model
     np.testing.assert_allclose(model.frequency, FREQUENCY, rtol=1e-4)
     np.testing.assert_allclose(model.shape / model.shape[0], SHAPE / SHAPE[0], rtol=1e-4)
@@ -138,8 +131,7 @@ def test_eigenvalues_that_titles_state_in_hertz(tmp_path, unit):
     pole = unit * FREQUENCY * (-DAMPING + 1j * np.sqrt(1 - DAMPING**2))
     titles = [f"f={f:.5E}Hz z={100 * z:.5E}%" for f, z in zip(FREQUENCY, DAMPING, strict=True)]
     sets = [
-        data_set_55(r + 1, 3, 5, [pole[r].real, pole[r].imag, 0, 0, 0, 0], SHAPE[:, r], titles[r])
-        for r in range(3)
+        data_set_55(r + 1, 3, 5, [pole[r].real, pole[r].imag, 0, 0, 0, 0], SHAPE[:, r], titles[r]) for r in range(3)
     ]
     found = read(tmp_path, modes="".join(sets))
     np.testing.assert_allclose(found.modal_model.frequency, FREQUENCY, rtol=1e-4)
@@ -154,7 +146,5 @@ def test_damping_that_is_unusual_is_asked_about(tmp_path):
 
 def test_modes_in_matlab_are_named_with_what_is_read(tmp_path):
     savemat(tmp_path / "modes.mat", {"fn": FREQUENCY, "dr": DAMPING, "ms": SHAPE})
-    with pytest.raises(
-        CampaignError, match=r"holds modes \('fn', 'ms'\), and no points: write them as a table"
-    ):
+    with pytest.raises(CampaignError, match=r"holds modes \('fn', 'ms'\), and no points: write them as a table"):
         draft(tmp_path)

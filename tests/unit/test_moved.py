@@ -58,17 +58,6 @@ def test_what_nothing_is_known_of_has_no_deviations():
 
 
 def test_every_nuisance_of_a_stack_has_a_label():
-    names = (
-        "G_f",
-        "d_f",
-        "young",
-        "density",
-        "normal_modulus",
-        "length",
-        "width",
-        "height",
-        "clamp_1_y",
-        "d_f[M2]",
-    )
+    names = ("G_f", "d_f", "young", "density", "normal_modulus", "length", "width", "height", "clamp_1_y", "d_f[M2]")
     for name in (*names, DECAY, POINTS_SHIFT):
         assert of(name, 0.0, 1.0, 1.0).label

@@ -60,18 +60,14 @@ def real_imaginary(value=VALUE, **form):
     return columns(*(part for v in value.T for part in (v.real, v.imag)), **form)
 
 
-@pytest.mark.parametrize(
-    ("shipped", "unknown"), [("demo_stack", ()), ("hidden_effect/b", (('"?"', '"(m/s2)/N"'),))]
-)
+@pytest.mark.parametrize(("shipped", "unknown"), [("demo_stack", ()), ("hidden_effect/b", (('"?"', '"(m/s2)/N"'),))])
 def test_a_shipped_campaign_without_its_file(tmp_path, shipped, unknown):
     for name in ("M1", "M2", "points.csv"):
         source, copy = DATA / shipped / name, tmp_path / name
         shutil.copytree(source, copy) if source.is_dir() else shutil.copy(source, copy)
     new(tmp_path, points=None)
     if unknown:
-        with pytest.raises(
-            CampaignError, match=r"campaign\.toml: measurement\.unit: is to be filled in"
-        ) as fault:
+        with pytest.raises(CampaignError, match=r"campaign\.toml: measurement\.unit: is to be filled in") as fault:
             read_campaign(tmp_path / "campaign.toml")
         assert len(str(fault.value).splitlines()) == 1
         fill(tmp_path, *unknown)
@@ -125,31 +121,21 @@ def test_layouts_of_tables(tmp_path, text, keys):
             "Frequenz [Hz];1+z Realteil;1+z Imaginärteil;2+z Realteil;2+z Imaginärteil;3-x Realteil;3-x Imaginärteil",
             "ri",
         ),
-        (
-            "Frekvenca;1+z amplituda;1+z faza [deg];2+z amplituda;2+z faza [deg];3-x amplituda;3-x faza [deg]",
-            "mp",
-        ),
+        ("Frekvenca;1+z amplituda;1+z faza [deg];2+z amplituda;2+z faza [deg];3-x amplituda;3-x faza [deg]", "mp"),
         ("f;1+z Betrag;1+z Phase [°];2+z Betrag;2+z Phase [°];3-x Betrag;3-x Phase [°]", "mp"),
         ("f;1+z Re;2+z Re;3-x Re;1+z Im;2+z Im;3-x Im", "rrr"),
         ("f;1+z Re;1+z Im;f;2+z Re;2+z Im;f;3-x Re;3-x Im", "fri"),
     ],
 )
 def test_titles_of_other_languages_and_other_orders(tmp_path, titles, kinds):
-    parts = {
-        "r": lambda v: v.real,
-        "i": lambda v: v.imag,
-        "m": np.abs,
-        "p": lambda v: np.rad2deg(np.angle(v)),
-    }
+    parts = {"r": lambda v: v.real, "i": lambda v: v.imag, "m": np.abs, "p": lambda v: np.rad2deg(np.angle(v))}
     if kinds == "rrr":
         own = [*VALUE.T.real, *VALUE.T.imag]
     elif kinds == "fri":
         own = [x for v in VALUE.T for x in (v.real, v.imag, FREQUENCY)][:-1]
     else:
         own = [parts[kind](v) for v in VALUE.T for kind in kinds]
-    (tmp_path / "a.csv").write_text(
-        titles + "\n" + columns(*own, delimiter=";", decimal=","), encoding="utf-8"
-    )
+    (tmp_path / "a.csv").write_text(titles + "\n" + columns(*own, delimiter=";", decimal=","), encoding="utf-8")
     new(tmp_path)
     fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'), ('input = ["?"]', 'input = ["45+z"]'))
     found = frf(tmp_path, tmp_path.name)
@@ -180,10 +166,7 @@ def test_times_in_milliseconds(tmp_path):
 
 def test_magnitudes_alone_are_named_with_what_they_lack(tmp_path):
     (tmp_path / "a.csv").write_text("f [Hz],Magnitude [g/N]\n" + columns(np.abs(VALUE[:, 0])))
-    with pytest.raises(
-        CampaignError,
-        match=r"a\.csv: 2 columns \(f \[Hz\], Magn.*magnitude and phase",
-    ):
+    with pytest.raises(CampaignError, match=r"a\.csv: 2 columns \(f \[Hz\], Magn.*magnitude and phase"):
         draft(tmp_path)
 
 
@@ -192,9 +175,8 @@ def test_dofs_and_unit_from_names_and_headers(tmp_path):
         text = "f [Hz],Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [k]])
         (tmp_path / f"frf_{node}z_45-z.csv").write_text(text)
     new(tmp_path)
-    assert (
-        "# guessed: DOFs are taken from the file names, the response first, without a sign as +"
-        in campaign_text(tmp_path)
+    assert "# guessed: DOFs are taken from the file names, the response first, without a sign as +" in campaign_text(
+        tmp_path
     )
     found = frf(tmp_path, tmp_path.name)
     np.testing.assert_allclose(found.value[:, 0], 9.80665 * VALUE.T, rtol=1e-12)
@@ -258,10 +240,7 @@ def test_points_of_output_and_input_are_told_apart(tmp_path):
 @pytest.mark.parametrize(
     ("content", "key"),
     [
-        (
-            {"re": VALUE.real, "im": VALUE.imag, "f": FREQUENCY},
-            r"configuration\[1\]\.output\[1\]: is to be filled in",
-        ),
+        ({"re": VALUE.real, "im": VALUE.imag, "f": FREQUENCY}, r"configuration\[1\]\.output\[1\]: is to be filled in"),
         ({"H": VALUE}, r"measurement\.variables\.frequency: is to be filled in"),
         ({"Cross_Spec": VALUE, "f": FREQUENCY}, r"measurement\.variables\.frf: is to be filled in"),
     ],
@@ -282,23 +261,13 @@ def test_what_arrays_do_not_tell_is_asked_for(tmp_path, content, key):
 def test_what_nobody_can_know_is_printed_and_asked_for(tmp_path):
     (tmp_path / "M1_run03.csv").write_text(real_imaginary(VALUE[:, [0]]))
     said = new(tmp_path, points=None)
-    for key in (
-        "points.file",
-        "structure.stack",
-        "measurement.unit",
-        "torque_Nm or pressure_kPa",
-        "input of conf",
-    ):
+    for key in ("points.file", "structure.stack", "measurement.unit", "torque_Nm or pressure_kPa", "input of conf"):
         assert key in said
     with pytest.raises(CampaignError) as fault:
         read_campaign(tmp_path / "campaign.toml")
     said = [line.partition("campaign.toml: ")[2] for line in str(fault.value).splitlines()]
     keys = {line.partition(":")[0] for line in said}
-    assert keys == {
-        "measurement.unit",
-        "configuration[1].output[1]",
-        "configuration[1].input[1]",
-    }
+    assert keys == {"measurement.unit", "configuration[1].output[1]", "configuration[1].input[1]"}
 
 
 def test_time_histories(tmp_path):
@@ -324,10 +293,7 @@ def test_time_histories_without_a_title(tmp_path):
     new(tmp_path)
     text = campaign_text(tmp_path)
     assert 'layout = "time"' in text
-    assert (
-        "the first column is taken as the time in s, since a step of 1.953e-05 Hz is none of a frequency"
-        in text
-    )
+    assert "the first column is taken as the time in s, since a step of 1.953e-05 Hz is none of a frequency" in text
 
 
 def test_the_sampling_rate_of_a_header_tells_histories_of_slow_structures(tmp_path):
@@ -343,8 +309,7 @@ def test_the_sampling_rate_of_a_header_tells_histories_of_slow_structures(tmp_pa
 def analyser_text(value, unit="(m/s²)/N"):
     """An analyser's export: words above, rows that are counted, and words below."""
     rows = [
-        f"{k}\t {f:.6e}\t {v.real:.6e}\t{v.imag:.6e}"
-        for k, (f, v) in enumerate(zip(FREQUENCY, value, strict=True), 1)
+        f"{k}\t {f:.6e}\t {v.real:.6e}\t{v.imag:.6e}" for k, (f, v) in enumerate(zip(FREQUENCY, value, strict=True), 1)
     ]
     head = ["Function:\tFrequency Response", f"AmplitudeUnit:\t{unit}", "X-Axis unit:\tHz", "Z-index:\t1"]
     return "\r\n".join([*head, *rows, "TagsBegin:\t \t", "Title\tA 1", "TagsEnd:\t"]) + "\r\n"
@@ -437,9 +402,7 @@ def test_measured_points_that_are_not_listed(tmp_path):
 def test_time_histories_beside_frfs_are_left_out(tmp_path):
     (tmp_path / "1z_45z.csv").write_text("f,Re [g/N],Im [g/N]\n" + real_imaginary(VALUE[:, [0]]))
     for k in range(2):
-        (tmp_path / f"time_{k}.csv").write_text(
-            "time [s],force,acceleration\n" + columns(FREQUENCY, FREQUENCY)
-        )
+        (tmp_path / f"time_{k}.csv").write_text("time [s],force,acceleration\n" + columns(FREQUENCY, FREQUENCY))
     assert len(re.findall(r"left out: .*time_.\.csv: holds time histories", new(tmp_path))) == 2
     assert frf(tmp_path, tmp_path.name).output.name(0) == "1+z"
 
@@ -447,9 +410,7 @@ def test_time_histories_beside_frfs_are_left_out(tmp_path):
 def test_columns_that_might_be_frfs_beside_many_time_histories(tmp_path):
     (tmp_path / "notes.csv").write_text(columns(VALUE[:, 0].real, VALUE[:, 0].imag))
     for k in range(2):
-        (tmp_path / f"time_{k}.csv").write_text(
-            "time [s],force,acceleration\n" + columns(FREQUENCY, FREQUENCY)
-        )
+        (tmp_path / f"time_{k}.csv").write_text("time [s],force,acceleration\n" + columns(FREQUENCY, FREQUENCY))
     assert re.search(r"left out: .*notes\.csv: its columns might be FRFs", new(tmp_path))
     assert 'files = ["time_*.csv"]' in campaign_text(tmp_path)
 
@@ -469,9 +430,7 @@ def test_a_campaign_file_is_not_overwritten(tmp_path):
     assert campaign_text(tmp_path) == "mine"
 
 
-@pytest.mark.parametrize(
-    ("name", "said"), [("none", "is not a folder"), (".", "no file in it looks like a meas")]
-)
+@pytest.mark.parametrize(("name", "said"), [("none", "is not a folder"), (".", "no file in it looks like a meas")])
 def test_a_folder_without_measurements(tmp_path, name, said):
     (tmp_path / "points.csv").write_text(POINTS)
     (tmp_path / "curve.csv").write_text("strain,pressure\n" + "".join(f"{k},{k * k}\n" for k in range(20)))
@@ -483,9 +442,7 @@ def test_histories_without_a_time_are_named_with_the_way_out(tmp_path):
     rows = "".join(f"{np.sin(k):.3f},{np.cos(k):.3f}\n" for k in range(20))
     for k in (1, 2, 10):
         (tmp_path / f"blow_{k}.csv").write_text("left,right\n" + rows)
-    with pytest.raises(
-        CampaignError, match=r"blow_1\.csv and 2 more: 2 columns \(left, right.*axis_column = 0"
-    ):
+    with pytest.raises(CampaignError, match=r"blow_1\.csv and 2 more: 2 columns \(left, right.*axis_column = 0"):
         draft(tmp_path)
 
 
@@ -539,20 +496,14 @@ def test_histories_of_arrays(tmp_path, kind):
     found = frf(tmp_path, tmp_path.name)
     assert found.output.node.tolist() == [1, 2, 3, 45]
     assert found.coherence is not None
-    assert 2560 * 0.4 / (2 * np.pi) == pytest.approx(
-        found.frequency[np.abs(found.value[0, 0, :200]).argmax()], abs=5
-    )
+    assert 2560 * 0.4 / (2 * np.pi) == pytest.approx(found.frequency[np.abs(found.value[0, 0, :200]).argmax()], abs=5)
 
 
 def test_the_force_of_arrays_without_names_is_the_channel_with_a_pulse(tmp_path):
     """Three blows, two channels, with neither times nor rate: what `numpy.save` leaves."""
     np.save(tmp_path / "a.npy", np.array([pulse(600, 20 + k)[::-1] for k in range(3)]))
     new(tmp_path)
-    for key in (
-        'axes = ["hit", "channel", "time"]',
-        'sampling_Hz = "?"',
-        "force = 2  # guessed: it is a short pulse",
-    ):
+    for key in ('axes = ["hit", "channel", "time"]', 'sampling_Hz = "?"', "force = 2  # guessed: it is a short pulse"):
         assert key in campaign_text(tmp_path)
 
 
@@ -577,9 +528,7 @@ def test_structures_and_groups_are_hits(tmp_path, kind):
          ('# output = ["12+z"]', 'output = "1+z"\ninput = "45+z"'))  # fmt: skip
     found = frf(tmp_path, tmp_path.name)
     assert found.coherence is not None
-    assert 2560 * 0.4 / (2 * np.pi) == pytest.approx(
-        found.frequency[np.abs(found.value[0, 0, :200]).argmax()], abs=5
-    )
+    assert 2560 * 0.4 / (2 * np.pi) == pytest.approx(found.frequency[np.abs(found.value[0, 0, :200]).argmax()], abs=5)
 
 
 def test_groups_of_points_are_runs(tmp_path):
@@ -600,9 +549,9 @@ def test_a_roving_test_in_groups_is_read_as_drafted(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs["fs"] = 2560.0
         for point in (1, 2):
-            file[f"p{point}/force"], file[f"p{point}/acc"] = np.array(
-                [pulse(600, 20 + k) for k in range(3)]
-            ).swapaxes(0, 1)
+            file[f"p{point}/force"], file[f"p{point}/acc"] = np.array([pulse(600, 20 + k) for k in range(3)]).swapaxes(
+                0, 1
+            )
     new(tmp_path)
     assert 'axes = ["run", "hit", "time"]' in campaign_text(tmp_path)
     assert 'sampling_Hz = "@fs"' in campaign_text(tmp_path)
@@ -628,10 +577,7 @@ def test_a_time_step_and_times_in_the_first_channel(tmp_path):
 
 
 def test_arrays_that_no_time_and_no_hammer_tells_of_are_no_histories(tmp_path):
-    savemat(
-        tmp_path / "a.mat",
-        {"shapes": np.cos(np.outer(np.arange(900), [0.01, 0.02])), "x": np.eye(700)[:, :2] > 0},
-    )
+    savemat(tmp_path / "a.mat", {"shapes": np.cos(np.outer(np.arange(900), [0.01, 0.02])), "x": np.eye(700)[:, :2] > 0})
     done = CliRunner().invoke(app, ["new", str(tmp_path)])
     assert isinstance(done.exception, CampaignError)
     assert "a.mat: no array in it is complex" in str(done.exception)
@@ -647,10 +593,7 @@ def test_arrays_that_no_time_and_no_hammer_tells_of_are_no_histories(tmp_path):
         (("hit{}_force", "hit{}_acc"), '[["hit*_force.csv", "hit*_acc.csv"]]'),
         (("impact_pt{}", "accel-pt{}"), '[["impact_pt*.csv", "accel-pt*.csv"]]'),
         (("F{}", "A{}"), '[["F*.csv", "A*.csv"]]'),
-        (
-            ("hit{}_Kraft", "hit{}_acc1", "hit{}_acc2"),
-            '[["hit*_Kraft.csv", "hit*_acc1.csv", "hit*_acc2.csv"]]',
-        ),
+        (("hit{}_Kraft", "hit{}_acc1", "hit{}_acc2"), '[["hit*_Kraft.csv", "hit*_acc1.csv", "hit*_acc2.csv"]]'),
     ],
 )
 def test_force_and_responses_in_files_of_their_own(tmp_path, names, files):
@@ -676,9 +619,7 @@ def test_force_and_responses_in_arrays_of_their_own(tmp_path, n):
     for k in (1, 2):
         force, response = np.array([pulse(600, 20 + k + hit) for hit in range(3)]).swapaxes(0, 1)
         np.save(tmp_path / f"force_{k}.npy", force)
-        np.save(
-            tmp_path / f"response_{k}.npy", np.stack([response, -response], axis=1) if n == 2 else response
-        )
+        np.save(tmp_path / f"response_{k}.npy", np.stack([response, -response], axis=1) if n == 2 else response)
     new(tmp_path)
     assert 'files = [["force_*.npy", "response_*.npy"]]' in campaign_text(tmp_path)
     fill(tmp_path, ('sampling_Hz = "?"', "sampling_Hz = 2560"), ('force_unit = "?"', 'force_unit = "N"'),
@@ -695,9 +636,7 @@ def test_dofs_of_histories_from_titles_and_names(tmp_path):
         for k in (1, 2):
             force, response = pulse(600, 20 + k)
             rows = of_rows(time, response, force)
-            (tmp_path / f"P{point}_Z_blow{k}.csv").write_text(
-                "Zeit [s],45+z Beschleunigung [m/s²],Kraft [N]\n" + rows
-            )
+            (tmp_path / f"P{point}_Z_blow{k}.csv").write_text("Zeit [s],45+z Beschleunigung [m/s²],Kraft [N]\n" + rows)
     new(tmp_path)
     text = campaign_text(tmp_path)
     assert text.count("[[configuration.run]]") == 2
@@ -713,12 +652,7 @@ def test_titles_of_numpy_follow_a_sign_of_a_comment(tmp_path):
     np.savetxt(tmp_path / "P2_Z_hit1.txt", table, header="Time[s] 1+z[g] Force[N]")
     new(tmp_path)
     text = campaign_text(tmp_path)
-    for key in (
-        "force = 2  # guessed: its title",
-        'force_unit = "N"',
-        'response_unit = "g"',
-        'output = ["1+z"]',
-    ):
+    for key in ("force = 2  # guessed: its title", 'force_unit = "N"', 'response_unit = "g"', 'output = ["1+z"]'):
         assert key in text
     assert 'input = ["2+z"]' in text
 
@@ -728,9 +662,8 @@ def test_what_titles_tell_of_outputs_is_written_where_the_force_is_not_told(tmp_
     (tmp_path / "a.csv").write_text("Time [s],Force [N],1+z [g]\n" + table)
     said = new(tmp_path)
     assert 'output = ["1+z"]' in campaign_text(tmp_path)
-    assert (
-        '# input = ["12+z"]  # to be filled in: one for all, or one for each of 1 functions'
-        in campaign_text(tmp_path)
+    assert '# input = ["12+z"]  # to be filled in: one for all, or one for each of 1 functions' in campaign_text(
+        tmp_path
     )
     assert re.search(r"^ *input of configuration", said, re.MULTILINE)
 
@@ -743,9 +676,7 @@ def test_frequencies_of_the_structural_dynamics_toolbox(tmp_path):
 
 def test_blocks_are_guessed_where_a_record_holds_many_hits(tmp_path):
     force, response = (np.concatenate([own, own, 0.5 * own, own]) for own in pulse())
-    (tmp_path / "a.csv").write_text(
-        "time [s],force,acc\n" + of_rows(np.arange(force.size) / 600, force, response)
-    )
+    (tmp_path / "a.csv").write_text("time [s],force,acc\n" + of_rows(np.arange(force.size) / 600, force, response))
     new(tmp_path)
     for key in ("block_s = 0.9  #", "before_hit_s = 0.018  #"):
         assert key in campaign_text(tmp_path)
@@ -761,11 +692,9 @@ def labview(x_columns, decimal="."):
         "Y_Unit_Label\tN\tg\t", "X_Dimension\tTime\tTime\t", f"X0\t{start}\t", f"Delta_X\t{step}\t",
         "***End_of_Header***\t\t\t",
     ]  # fmt: skip
-    columns = {
-        "One": [time, force, response],
-        "Multi": [time, force, time, response],
-        "No": [force, response],
-    }[x_columns]
+    columns = {"One": [time, force, response], "Multi": [time, force, time, response], "No": [force, response]}[
+        x_columns
+    ]
     titles = {
         "One": "X_Value\tHammer\tDiskrete",
         "Multi": "X_Value\tHammer\tX_Value\tDiskrete",
@@ -799,9 +728,7 @@ def test_rounded_times_are_given_their_rate(tmp_path):
     (tmp_path / "a.csv").write_text(of_rows(np.arange(600) / 2560, *pulse(), form="{:.3f}"))
     new(tmp_path)
     assert "sampling_Hz = 2560.0" in campaign_text(tmp_path)
-    assert "the times are rounded: the first 600 samples in 0.234 s give the sampling rate" in campaign_text(
-        tmp_path
-    )
+    assert "the times are rounded: the first 600 samples in 0.234 s give the sampling rate" in campaign_text(tmp_path)
 
 
 def test_files_that_are_left_out_are_named(tmp_path):
@@ -810,9 +737,7 @@ def test_files_that_are_left_out_are_named(tmp_path):
     (tmp_path / "odd.csv").write_text(real_imaginary(VALUE[:, [0]]).replace(",", ";"))
     (tmp_path / "broken.mat").write_bytes(b"MATLAB 5.0 MAT-file" + bytes(300))
     said = new(tmp_path)
-    assert re.search(
-        r"left out: .*odd\.csv: laid out otherwise .*\(delimiter semicolon instead of none", said
-    )
+    assert re.search(r"left out: .*odd\.csv: laid out otherwise .*\(delimiter semicolon instead of none", said)
     assert re.search(r"left out: .*broken\.mat: cannot be read", said)
     assert 'files = ["*z_45z.csv"]' in campaign_text(tmp_path)
 

@@ -138,10 +138,7 @@ def universal(label="m/s^2", scale=1.0, value=VALUE, step=0.5, **header) -> Writ
     def write(folder):
         sets = [
             encode_58b(
-                HEADER | {"response node": n, "ordinate numerator units label": label} | header,
-                step,
-                step,
-                own * scale,
+                HEADER | {"response node": n, "ordinate numerator units label": label} | header, step, step, own * scale
             )
             for n, own in enumerate(value.T, start=1)
         ]
@@ -189,11 +186,7 @@ BLOCKS = "".join(
 COMPOUND = np.zeros(VALUE.T.shape, [("re", "f8"), ("im", "f8")])
 COMPOUND["re"], COMPOUND["im"] = VALUE.T.real, VALUE.T.imag
 SDYNPY = sdynpy_array(FREQUENCY, VALUE.T, [[(n, 3), (1, 3)] for n in (1, 2, 3)])
-SPLIT = {
-    f"{what}{k + 1}": part[:, k]
-    for k in range(3)
-    for what, part in (("mag", np.abs(VALUE)), ("phase", DEGREES))
-}
+SPLIT = {f"{what}{k + 1}": part[:, k] for k in range(3) for what, part in (("mag", np.abs(VALUE)), ("phase", DEGREES))}
 ARRAYS = {
     "magnitude and degrees": {"f": FREQUENCY, "H_mag": np.abs(VALUE), "H_phase": DEGREES},
     "dB and rad in names": {"freq": FREQUENCY, "mag_dB": DECIBEL, "phase_rad": np.angle(VALUE)},
@@ -212,9 +205,7 @@ KINDS: dict[str, Kind] = {
     **{f"HDF5: {name}": Kind(hdf5(content)) for name, content in ARRAYS.items()},
     **{f"NumPy: {name}": Kind(npz(content)) for name, content in ARRAYS.items()},
     "HDF5: units as attributes": Kind(
-        hdf5(
-            {"f": FREQUENCY, "amp": DECIBEL, "phi": np.angle(VALUE) + 20 * np.pi}, {"amp": "dB", "phi": "rad"}
-        )
+        hdf5({"f": FREQUENCY, "amp": DECIBEL, "phi": np.angle(VALUE) + 20 * np.pi}, {"amp": "dB", "phi": "rad"})
     ),
     "NumPy: functions of SDynPy": Kind(npz({"data": SDYNPY, "function_type": 4})),
     "NumPy: functions of SDynPy, a matrix of them, by numpy.savez": Kind(npz({"frfs": SDYNPY.reshape(3, 1)})),
@@ -232,10 +223,7 @@ KINDS: dict[str, Kind] = {
     "text: titles and units in quotes, ME'scope": Kind(
         text(
             table(
-                (
-                    "\t".join(map('"{}"'.format, ["Frequency", *TITLES[1:]])),
-                    "\t".join(['"Hz"', *6 * ['"g/N"']]),
-                ),
+                ("\t".join(map('"{}"'.format, ["Frequency", *TITLES[1:]])), "\t".join(['"Hz"', *6 * ['"g/N"']])),
                 PARTS / [1.0, *6 * [9.80665]],
                 "\t",
             ),
@@ -250,28 +238,18 @@ KINDS: dict[str, Kind] = {
         text(table([t.replace(" ", "_") for t in TITLES], between="  ", form=fortran), "a.txt")
     ),
     "text: Fortran's exponents of three digits": Kind(
-        text(
-            table((), between=" ", form=lambda x: f"{x:.16e}".replace("e+0", "+00").replace("e-0", "-00")),
-            "a.txt",
-        )
+        text(table((), between=" ", form=lambda x: f"{x:.16e}".replace("e+0", "+00").replace("e-0", "-00")), "a.txt")
     ),
     "text: UTF-16": Kind(text(table(), encoding="utf-16")),
     "text: UTF-16 without a mark": Kind(text(table(), encoding="utf-16-le"), said='encoding = "utf-16-le"'),
     "text: UTF-16, big end first": Kind(text(table(), encoding="utf-16-be")),
     "text: UTF-8 with a mark": Kind(text(table(), encoding="utf-8-sig")),
-    "text: Python's complex numbers": Kind(
-        text(table(["f", "1+z", "2+z", "3+z"], COMPLEX, form=python_complex))
-    ),
+    "text: Python's complex numbers": Kind(text(table(["f", "1+z", "2+z", "3+z"], COMPLEX, form=python_complex))),
     "text: numpy.savetxt of complex numbers": Kind(savetxt),
     "text: complex numbers with i and blanks": Kind(
-        text(
-            table((), COMPLEX, "\t", lambda x: f"{x.real:.17g} + {x.imag:.17g}i".replace("+ -", "- ")),
-            "a.txt",
-        )
+        text(table((), COMPLEX, "\t", lambda x: f"{x.real:.17g} + {x.imag:.17g}i".replace("+ -", "- ")), "a.txt")
     ),
-    "text: complex numbers with +-": Kind(
-        text(table((), COMPLEX, ",", lambda x: f"({x.real:.17g}+{x.imag:.17g}j)"))
-    ),
+    "text: complex numbers with +-": Kind(text(table((), COMPLEX, ",", lambda x: f"({x.real:.17g}+{x.imag:.17g}j)"))),
     "text: volts over N, with the sensor's sensitivity": Kind(
         text(table(["f [Hz]", *(f"{t} [V/N]" for t in TITLES[1:])], PARTS / [1.0, *6 * [98.0665]])),
         fill=(('unit = "?"', 'unit = "V/N/(100 mV/g)"'),),
@@ -301,22 +279,15 @@ KINDS: dict[str, Kind] = {
     "text: magnitude in dB and phase in degrees": Kind(
         text(
             table(
-                [
-                    "f [Hz]",
-                    *(f"{n}+z {what}" for n in (1, 2, 3) for what in ("Magnitude (dB)", "Phase (deg)")),
-                ],
-                np.column_stack(
-                    [FREQUENCY, *(x for d, a in zip(DECIBEL.T, DEGREES.T, strict=True) for x in (d, a))]
-                ),
+                ["f [Hz]", *(f"{n}+z {what}" for n in (1, 2, 3) for what in ("Magnitude (dB)", "Phase (deg)"))],
+                np.column_stack([FREQUENCY, *(x for d, a in zip(DECIBEL.T, DEGREES.T, strict=True) for x in (d, a))]),
             )
         ),
         said='magnitude_unit = "dB"',
     ),
     "MATLAB: complex functions in a structure": Kind(mat({"test": {"H": VALUE, "freq": FREQUENCY}})),
     "MATLAB: functions along the second axis": Kind(mat({"FRF": VALUE.T, "f": FREQUENCY})),
-    "MATLAB: a step of frequencies": Kind(
-        mat({"H": VALUE, "df": 0.5, "fstart": 0.5}), said="axis_start = 0.5"
-    ),
+    "MATLAB: a step of frequencies": Kind(mat({"H": VALUE, "df": 0.5, "fstart": 0.5}), said="axis_start = 0.5"),
     "TDMS: real and imaginary channels": Kind(tdms),
     "text: blocks of functions, each below a header": Kind(
         text(BLOCKS), said="the 3 segments of the file are functions of their own"
@@ -329,10 +300,7 @@ KINDS: dict[str, Kind] = {
         text(table(["Var1", *(f"Var{k}" for k in range(2, 8))])), said='layout = "real-imaginary"'
     ),
     "text: titles that come again on every page": Kind(
-        text(
-            table(rows=PARTS[:200])
-            + "\n".join(table(rows=PARTS[k : k + 100]).rstrip("\n") for k in (200, 300))
-        )
+        text(table(rows=PARTS[:200]) + "\n".join(table(rows=PARTS[k : k + 100]).rstrip("\n") for k in (200, 300)))
     ),
     "text: a suffix of another program": Kind(
         text("* Freq(Hz) Re(1+z) Im(1+z) Re(2+z) Im(2+z) Re(3+z) Im(3+z)\n" + table((), between=" "), "a.frd")
@@ -358,27 +326,19 @@ KINDS: dict[str, Kind] = {
         said="the frequencies are those of freq.npy",
     ),
     "HDF5: both parts along the last axis": Kind(
-        hdf5({"H": np.stack([VALUE.T.real, VALUE.T.imag], axis=-1), "freq": FREQUENCY}),
-        said='real = "H[:, :, 0]"',
+        hdf5({"H": np.stack([VALUE.T.real, VALUE.T.imag], axis=-1), "freq": FREQUENCY}), said='real = "H[:, :, 0]"'
     ),
     "MATLAB: names of variables that differ from file to file": Kind(
         lambda folder: [
             savemat(
                 folder / f"FRF_{k}.mat",
-                {
-                    f"FRF_{k}": {
-                        "y_values": {"values": v[:, None]},
-                        "x_values": {"increment": 0.5, "start_value": 0.5},
-                    }
-                },
+                {f"FRF_{k}": {"y_values": {"values": v[:, None]}, "x_values": {"increment": 0.5, "start_value": 0.5}}},
             )
             for k, v in enumerate(VALUE.T, start=1)
         ],
         said='frf = "FRF_*.y_values.values"',
     ),
-    "NumPy: functions from the highest frequency down": Kind(
-        npz({"H": VALUE[::-1].T, "freq": FREQUENCY[::-1]})
-    ),
+    "NumPy: functions from the highest frequency down": Kind(npz({"H": VALUE[::-1].T, "freq": FREQUENCY[::-1]})),
     "HDF5: a unit of the functions as an attribute": Kind(
         hdf5({"frf": COMPOUND, "f": FREQUENCY}, {"frf": "g/N"}), rtol=1e-9, said='unit = "g/N"', scale=9.80665
     ),
@@ -427,9 +387,7 @@ REFUSED: dict[str, tuple[Write, str]] = {
         "a force over a response .* export FRFs, response over force",
     ),
     "UFF: a transmissibility": (
-        universal(
-            **{"ordinate denominator specific data type": 12, "ordinate denominator units label": "m/s^2"}
-        ),
+        universal(**{"ordinate denominator specific data type": 12, "ordinate denominator units label": "m/s^2"}),
         "a response over another response .* export FRFs",
     ),
     "UFF: packed": (
@@ -437,20 +395,11 @@ REFUSED: dict[str, tuple[Write, str]] = {
         "a.unv.gz: a packed file of '.unv': unpack it",
     ),
     "text: accelerations alone": (
-        text(
-            "t [s],a [m/s^2],b [g]\n" + "".join(f"{t:.3f},{np.sin(99 * t)},{np.cos(99 * t)}\n" for t in TIME)
-        ),
+        text("t [s],a [m/s^2],b [g]\n" + "".join(f"{t:.3f},{np.sin(99 * t)},{np.cos(99 * t)}\n" for t in TIME)),
         r"all its channels are of motions \(a \[m/s\^2\], b \[g\]\), and an FRF needs a force",
     ),
     "text: functions in rows": (
-        text(
-            "f,"
-            + ",".join(f"{x:g}" for x in FREQUENCY)
-            + "\n"
-            + "H,"
-            + ",".join(f"{x:g}" for x in FREQUENCY)
-            + "\n"
-        ),
+        text("f," + ",".join(f"{x:g}" for x in FREQUENCY) + "\n" + "H," + ",".join(f"{x:g}" for x in FREQUENCY) + "\n"),
         "each row holds a function behind its name; write functions in columns",
     ),
     "text: numbers in brackets with their units": (
@@ -465,26 +414,14 @@ REFUSED: dict[str, tuple[Write, str]] = {
         lambda folder: (folder / "frf.json").write_text("{}"),
         "frf.json: not looked into",
     ),
-    "auto spectra of SDynPy": (
-        npz({"data": SDYNPY, "function_type": 2}),
-        "holds neither FRFs .* export FRFs",
-    ),
+    "auto spectra of SDynPy": (npz({"data": SDYNPY, "function_type": 2}), "holds neither FRFs .* export FRFs"),
     "text: volts over N": (
         text(table(["f [Hz]", *(f"{t} [V/N]" for t in TITLES[1:])])),
         r'measurement.unit: the file states V/N, the volts of a sensor: .* unit = "V/N/\(100 mV/g\)"',
     ),
-    "UFF: volts over N": (
-        universal("V"),
-        r"measurement.unit: the file states V/N, the volts of a sensor: .* unit =",
-    ),
-    "text: two units": (
-        mixed_units,
-        r"the files state several units, g/N in 1 files, V/N in 1 files: .*correction",
-    ),
-    "text: one time history alone": (
-        history,
-        "a.csv: holds one time history, and an FRF needs a force and a response",
-    ),
+    "UFF: volts over N": (universal("V"), r"measurement.unit: the file states V/N, the volts of a sensor: .* unit ="),
+    "text: two units": (mixed_units, r"the files state several units, g/N in 1 files, V/N in 1 files: .*correction"),
+    "text: one time history alone": (history, "a.csv: holds one time history, and an FRF needs a force and a response"),
     "NumPy: one time history alone": (
         npz({"acc": np.sin(99 * TIME), "t": TIME}),
         "a.npz: holds one time history, and an FRF needs",
@@ -527,22 +464,13 @@ REFUSED: dict[str, tuple[Write, str]] = {
         lambda folder: np.savez(folder / "a.npz", a=np.array(["x", None], dtype=object)),
         "a.npz: holds no arrays of numbers",
     ),
-    "a workbook": (
-        lambda folder: (folder / "a.xlsx").write_bytes(b"PK"),
-        "a workbook: save its sheet as CSV",
-    ),
-    "a file of one program": (
-        lambda folder: (folder / "a.frf").write_bytes(b"x"),
-        "export its FRFs as a universal",
-    ),
+    "a workbook": (lambda folder: (folder / "a.xlsx").write_bytes(b"PK"), "a workbook: save its sheet as CSV"),
+    "a file of one program": (lambda folder: (folder / "a.frf").write_bytes(b"x"), "export its FRFs as a universal"),
     "an unknown suffix": (
         lambda folder: (folder / "a.nc4").write_bytes(b"CDF"),
         "its suffix '.nc4' is none of a format",
     ),
-    "a sound file": (
-        lambda folder: (folder / "a.wav").write_bytes(b"RIFF"),
-        "a sound file: write .* full_scale",
-    ),
+    "a sound file": (lambda folder: (folder / "a.wav").write_bytes(b"RIFF"), "a sound file: write .* full_scale"),
     "a matrix in MATLAB's file that is none": (
         lambda folder: (folder / "a.mat").write_bytes(b"no"),
         "cannot be read as a MATLAB file",
@@ -733,23 +661,7 @@ def test_a_unit_of_no_points_is_refused(tmp_path):
         read_campaign(tmp_path / "campaign.toml")
 
 
-SIGNS = [
-    b'"',
-    b",",
-    b"\n",
-    b"#",
-    b"\x00",
-    b"nan",
-    b"inf",
-    b"-",
-    b"1e400",
-    b"\xff\xfe",
-    b";",
-    b"\t",
-    b" ",
-    b"()",
-    b"j",
-]
+SIGNS = [b'"', b",", b"\n", b"#", b"\x00", b"nan", b"inf", b"-", b"1e400", b"\xff\xfe", b";", b"\t", b" ", b"()", b"j"]
 
 
 def damaged(rng, content):

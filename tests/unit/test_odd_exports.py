@@ -36,9 +36,7 @@ def read(folder, output):
 def test_headers_of_several_lengths_and_encodings_are_one_set(tmp_path):
     title = "Frequency\tReal\tImag"
     text(tmp_path, "a1.txt", [title], rows())
-    text(
-        tmp_path, "a2.txt", ["Title\tM4", "Date\t15/11/2018", "", "Unit\t(m/s²)/N", title], rows(2), "latin-1"
-    )
+    text(tmp_path, "a2.txt", ["Title\tM4", "Date\t15/11/2018", "", "Unit\t(m/s²)/N", title], rows(2), "latin-1")
     text(tmp_path, "a3.txt", ["Title\tsecond day", title], rows(3))
     assert draft(tmp_path).left_out == ()
     frf = read(tmp_path, '["1+z", "2+z", "3+z"]')
@@ -91,9 +89,7 @@ def test_testlabs_label_is_read_and_its_numbers_are_in_si(tmp_path):
 
 def test_testlabs_transmissibility_is_refused(tmp_path):
     savemat(tmp_path / "a.mat", of_testlab("/"))
-    with pytest.raises(
-        CampaignError, match=r"'/' of 'FRF\.y_values\.values', which is no response over a force"
-    ):
+    with pytest.raises(CampaignError, match=r"'/' of 'FRF\.y_values\.values', which is no response over a force"):
         draft(tmp_path)
 
 

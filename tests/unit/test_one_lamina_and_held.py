@@ -50,9 +50,7 @@ def stack(n_lamina, *supports, **changes):
 
 
 def frequencies(system, theta=None, n_mode=8):
-    found = model.solve_modes(
-        system, G_f=1000.0, d_f=0.0, n_mode=n_mode, observation=NOWHERE, parameters=theta
-    )
+    found = model.solve_modes(system, G_f=1000.0, d_f=0.0, n_mode=n_mode, observation=NOWHERE, parameters=theta)
     return found.frequency
 
 
@@ -113,9 +111,7 @@ def test_an_edge_gives_way_as_springs_of_the_stack_file_do(translation, rotation
 
 def test_an_edge_is_as_the_stack_file_says_until_it_gives_way():
     held = stack(1, CLAMPED)
-    np.testing.assert_allclose(
-        every_frequency(held.with_effects(*COMPLIANCE)), every_frequency(held), rtol=1e-9
-    )
+    np.testing.assert_allclose(every_frequency(held.with_effects(*COMPLIANCE)), every_frequency(held), rtol=1e-9)
 
 
 def test_a_basis_of_a_held_stack_is_enriched_from_its_first_mode_on():

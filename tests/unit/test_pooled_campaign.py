@@ -139,12 +139,7 @@ def test_a_wrong_key_is_named(folder, old, new, said):
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        (
-            "modes.csv",
-            "frequency_Hz",
-            "f",
-            "modes.csv: no column 'frequency_Hz'; the file has mode, f, damping",
-        ),
+        ("modes.csv", "frequency_Hz", "f", "modes.csv: no column 'frequency_Hz'; the file has mode, f, damping"),
         ("modes.csv", "200", "2oo", "modes.csv: row 2: frequency_Hz is '2oo', expected a number"),
         ("modes.csv", "0.002", "1.2", "damping must be a ratio above 0 and below 1, not percent"),
         ("shapes.csv", "mode_2_imag", "x2", "shapes.csv: no column 'mode_2_imag'"),

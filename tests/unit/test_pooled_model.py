@@ -36,9 +36,7 @@ def whole():
     instruments = known_or_usual_instruments(STACK)
     effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction")}
     n = len(instruments.sensor)
-    seen = Observation(
-        node=np.arange(n), location=instruments.sensor, direction=np.tile([0.0, 0.0, 1.0], (n, 1))
-    )
+    seen = Observation(node=np.arange(n), location=instruments.sensor, direction=np.tile([0.0, 0.0, 1.0], (n, 1)))
     rng, tested, specimens = np.random.default_rng(0), [], []
     for name in NAMES:
         own = []
@@ -49,9 +47,7 @@ def whole():
                 damping=np.full(N_SEEN, 0.01), damping_std=np.full(N_SEEN, 1e-4),
                 shape=rng.standard_normal((n, N_SEEN)) + 0j, shape_std=np.full((n, N_SEEN), 0.01),
             )  # fmt: skip
-            tested.append(
-                evidence.Tested(name=f"{name} {state}", pressure=pressure, modes=modes, state=state)
-            )
+            tested.append(evidence.Tested(name=f"{name} {state}", pressure=pressure, modes=modes, state=state))
             own.append((state, pressure, modes))
         height = STACK.height * (HIGHER if name == "S3" else 1.0)
         notes = {"treatment": "none" if name == "S1" else "glued"}
@@ -95,8 +91,7 @@ def test_a_specimen_stands_where_its_height_does(whole):
 
 
 @pytest.mark.parametrize(
-    ("term", "members"),
-    [("clamp_mass", (0, 1, 2)), ("clamp_mass@treatment = glued", (1, 2)), ("clamp_mass@S2", (1,))],
+    ("term", "members"), [("clamp_mass", (0, 1, 2)), ("clamp_mass@treatment = glued", (1, 2)), ("clamp_mass@S2", (1,))]
 )
 def test_a_term_changes_the_specimens_that_have_it(whole, term, members):
     coordinates, local = near(whole, [term])
@@ -145,9 +140,7 @@ def test_a_border_promises_what_a_linear_step_of_all_brings(whole, term):
 
     by_rig, everywhere = near(whole, ["clamp_mass"])
     errors = errors_at(whole, everywhere, common, np.zeros(len(by_rig)))
-    bordered = Bordered(
-        whole, common.join(errors, len(by_rig)), SIZES, np.zeros(len(by_rig) - 1), precision[:-1]
-    )
+    bordered = Bordered(whole, common.join(errors, len(by_rig)), SIZES, np.zeros(len(by_rig) - 1), precision[:-1])
     free = dataclasses.replace(coordinates[-1], lower=-np.inf, upper=np.inf)
     members = whole.meant[term].level.members
     gain, value, base, _ = bordered.added(members, [len(by_rig) - 1], [free], np.zeros(1))

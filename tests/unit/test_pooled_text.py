@@ -21,16 +21,11 @@ from updating.results.store import read_result, write_result
 
 
 def estimate(name="G_f", value=1500.0, unit="1"):
-    return ParameterEstimate(
-        name=name, unit=unit, value=value, lower=0.9 * value, upper=1.1 * value, at_bound=False
-    )
+    return ParameterEstimate(name=name, unit=unit, value=value, lower=0.9 * value, upper=1.1 * value, at_bound=False)
 
 
 def part(effect="clamp_inertia", level="rig", of="", specimens=("S1", "S2", "S3"), **given):
-    own = {
-        "label": "inertia of the clamps",
-        "parameter": (estimate("clamp_roll_inertia", 2e-3, "kg m2"),),
-    }
+    own = {"label": "inertia of the clamps", "parameter": (estimate("clamp_roll_inertia", 2e-3, "kg m2"),)}
     return Part(effect=effect, level=level, of=of, specimens=specimens, log_odds=20.0, **(own | given))
 
 
@@ -68,10 +63,7 @@ def answer(verdict="identified", ranking=None, left=1, contrasts=()):
                 odd=("adhesive_edges",) if name == "S2" and verdict == "identified" else (),
                 states=tuple(
                     ContactState(
-                        name=torque,
-                        pressure=pressure,
-                        G_f=estimate(value=value),
-                        d_f=estimate("d_f", 9e-12, "s/Pa"),
+                        name=torque, pressure=pressure, G_f=estimate(value=value), d_f=estimate("d_f", 9e-12, "s/Pa")
                     )
                     for torque, pressure, value in (("M1", 1.6e5, 1600.0), ("M2", 3.2e5, 1400.0))
                 ),
@@ -124,9 +116,7 @@ def test_what_is_more_probable_and_predicts_nothing_better_is_said():
 
 
 def test_what_would_have_to_be_far_off_without_it_comes_next_and_what_is_so_with_it_last():
-    found = replace(
-        answer(), relieved=("the stack's density would have to differ from the file's by 4.1 %.",)
-    )
+    found = replace(answer(), relieved=("the stack's density would have to differ from the file's by 4.1 %.",))
     assert sentences(found)[1] == (
         "Without it, in the mean of all specimens, the stack's density would have to differ from the file's by 4.1 %."
     )

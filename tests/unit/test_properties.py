@@ -39,17 +39,12 @@ def test_a_table_holds_what_was_written(file, depth):
     @depth
     @given(
         st.lists(st.tuples(NUMBER, NUMBER), min_size=2, max_size=20),
-        st.sampled_from(
-            [("comma", ",", "."), ("semicolon", ";", ","), ("tab", "\t", ","), ("space", " ", ".")]
-        ),
+        st.sampled_from([("comma", ",", "."), ("semicolon", ";", ","), ("tab", "\t", ","), ("space", " ", ".")]),
         st.integers(0, 3),
     )
     def holds(values, form, header):
         name, delimiter, decimal = form
-        rows = [
-            delimiter.join(f"{x!r}".replace(".", decimal) for x in (float(k), *v))
-            for k, v in enumerate(values)
-        ]
+        rows = [delimiter.join(f"{x!r}".replace(".", decimal) for x in (float(k), *v)) for k, v in enumerate(values)]
         file.write_text("\n".join(["head"] * header + rows))
         layout = TableLayout(layout="real-imaginary", delimiter=name, decimal=decimal, header_rows=header)
         (found,) = read_table(file, layout, parse_unit("m/N"))
@@ -88,9 +83,7 @@ def test_points_hold_what_was_written_whatever_their_order(file, depth):
     @depth
     @given(st.dictionaries(st.integers(1, 10**6), st.tuples(NUMBER, NUMBER, NUMBER), min_size=1, max_size=20))
     def holds(points):
-        file.write_text(
-            "node,x,y,z\n" + "\n".join(f"{n},{x!r},{y!r},{z!r}" for n, (x, y, z) in points.items())
-        )
+        file.write_text("node,x,y,z\n" + "\n".join(f"{n},{x!r},{y!r},{z!r}" for n, (x, y, z) in points.items()))
         found = read_points(file, parse_unit("mm"))
         assert set(found.node) == set(points)
         for node, place in zip(found.node, found.coordinate, strict=True):
@@ -105,9 +98,7 @@ FORCES = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605}
 
 @pytest.mark.parametrize("force", FORCES)
 @pytest.mark.parametrize("length", LENGTHS)
-@pytest.mark.parametrize(
-    ("over", "quantity"), [("", "receptance"), ("/s", "mobility"), ("/s2", "accelerance")]
-)
+@pytest.mark.parametrize(("over", "quantity"), [("", "receptance"), ("/s", "mobility"), ("/s2", "accelerance")])
 def test_a_unit_is_the_product_of_its_parts(length, force, over, quantity):
     found = parse_unit(f"({length}{over})/{force}")
     assert found.factor == pytest.approx(LENGTHS[length] / FORCES[force], rel=1e-9)
@@ -117,11 +108,7 @@ def test_a_unit_is_the_product_of_its_parts(length, force, over, quantity):
 @pytest.mark.parametrize("depth", DEPTHS)
 def test_a_degree_of_freedom_has_its_sign_axis_and_unit_length(depth):
     @depth
-    @given(
-        st.integers(0, 2**31 - 1),
-        st.sampled_from("xyz"),
-        st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3),
-    )
+    @given(st.integers(0, 2**31 - 1), st.sampled_from("xyz"), st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3))
     def holds(node, axis, direction):
         written = [f"{node}+{axis}", f"{node}-{axis}"]
         plus, minus = ConfigurationSection(name="a", files=["b"], output=written).output
@@ -190,9 +177,7 @@ def test_the_model_is_reciprocal_and_knows_signs(system):
         forth = response(placed(*first), placed(*second))
         scale = np.abs(forth).max()
         np.testing.assert_allclose(response(placed(*second), placed(*first)), forth, atol=ROUNDING * scale)
-        np.testing.assert_allclose(
-            response(placed(*first, -1.0), placed(*second)), -forth, atol=1e-12 * scale
-        )
+        np.testing.assert_allclose(response(placed(*first, -1.0), placed(*second)), -forth, atol=1e-12 * scale)
         power = response(placed(*first), placed(*first)) / (2j * np.pi * line)
         assert np.all(power.real >= -1e-12 * np.abs(power))  # a passive stack takes power at a driving point
 

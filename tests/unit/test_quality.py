@@ -172,11 +172,7 @@ def test_what_a_sensor_shows_at_rest_is_not_its_coherence():
     assert {(v.level, v.channel) for v in refused} == {("fail", (k,)) for k in range(N)}
     assert "leave its key out" in refused[0].message
     coherence[:, 0, 5] = 1.28
-    above = [
-        v
-        for v in check(replace(measurement, frf=replace(frf, coherence=coherence)))
-        if "above 1" in v.message
-    ]
+    above = [v for v in check(replace(measurement, frf=replace(frf, coherence=coherence))) if "above 1" in v.message]
     assert {v.level for v in above} == {"warn"}
 
 
@@ -349,11 +345,7 @@ def test_a_driving_point_that_is_late_is_not_of_the_wrong_sign(samples):
     modes = np.array([310.0, 420.0, 480.0])
     measurement = bar(modes=modes)
     late = np.exp(-2j * np.pi * FREQUENCY * samples / (2.56 * FREQUENCY[-1]))
-    told = [
-        v
-        for v in check(changed(measurement, 0, lambda v: v * late))
-        if v.channel == (0,) and v.level != "pass"
-    ]
+    told = [v for v in check(changed(measurement, 0, lambda v: v * late)) if v.channel == (0,) and v.level != "pass"]
     assert ("driving point", "warn") in {(v.check, v.level) for v in told}
     assert not any("of the wrong sign" in v.message for v in told)
 

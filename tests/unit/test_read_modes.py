@@ -44,9 +44,7 @@ def alike(found, expected, tolerance=1e-4):
     assert found.node.tolist() == expected.node.tolist()
     np.testing.assert_allclose(found.direction, expected.direction, atol=1e-6)
     sign = np.sign(np.sum(found.shape * expected.shape.conj(), axis=0).real)
-    np.testing.assert_allclose(
-        found.shape * sign, expected.shape, atol=tolerance * np.abs(expected.shape).max()
-    )
+    np.testing.assert_allclose(found.shape * sign, expected.shape, atol=tolerance * np.abs(expected.shape).max())
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -62,18 +60,14 @@ def test_universal_file_comes_back_with_scale_and_complex_shapes(tmp_path, turne
     found = read_modes_uff(tmp_path / "modes.uff", geometry)
     assert found.scaled.all()
     keep = np.abs(found.direction @ direction[0]) > 0.999
-    found = dataclasses.replace(
-        found, node=found.node[keep], direction=found.direction[keep], shape=found.shape[keep]
-    )
+    found = dataclasses.replace(found, node=found.node[keep], direction=found.direction[keep], shape=found.shape[keep])
     alike(found, expected)
 
 
 def test_modal_mass_in_the_units_of_the_file(tmp_path):
     """In mm and N a modal mass of one is a tonne, so that shapes of unit modal mass in SI are smaller by sqrt(1000)."""
     head = "    -1\n   164\n         5mm, N                        2\n"
-    head += (
-        "  1.0000000000000000D+03  1.0000000000000000D+00  1.0000000000000000D+00\n  2.7315000000000000D+02\n"
-    )
+    head += "  1.0000000000000000D+03  1.0000000000000000D+00  1.0000000000000000D+00\n  2.7315000000000000D+02\n"
     (tmp_path / "m.unv").write_text(head + "    -1\n" + data_set_55(100.0, 4.0, 0.01))
     found = read_modes_uff(tmp_path / "m.unv", GEOMETRY)
     np.testing.assert_allclose(found.shape[:, 0], np.array([1.0, -2.0]) / np.sqrt(4.0 * 1e3), rtol=1e-6)
@@ -91,11 +85,7 @@ def data_set_55(frequency, mass, damping, *, last="  0.00000E+00 0.00000E+00-2.0
 
 
 def data_set_2414(form, values):
-    head = (
-        f"{1:10}\nmode\n{1:10}\n"
-        + 5 * "NONE\n"
-        + f"{1:10}{2 if form == 2 else 3:10}{2:10}{8:10}{form:10}{3:10}\n"
-    )
+    head = f"{1:10}\nmode\n{1:10}\n" + 5 * "NONE\n" + f"{1:10}{2 if form == 2 else 3:10}{2:10}{8:10}{form:10}{3:10}\n"
     head += 2 * f"{1:10}{0:10}{1:10}{0:10}{1:10}{1:10}{0:10}{0:10}\n"
     own = f"{0.0:13.5E}{100.0:13.5E}{0.0:13.5E}{4.0:13.5E}{0.01:13.5E}{0.0:13.5E}\n"
     eigen = "".join(f"{x:13.5E}" for x in (-6.28319, 628.287, 0.0, 0.0, 0.0, 0.0)) + "\n"
@@ -128,9 +118,7 @@ def test_exported_tables_come_back(tmp_path):
 
 
 def test_one_table_with_decimal_commas_and_percent(tmp_path):
-    (tmp_path / "m.csv").write_text(
-        "frequency_Hz;damping_percent;1+z;2-z_real;2-z_imag\n100,5;0,4;1;0,5;-0,1\n"
-    )
+    (tmp_path / "m.csv").write_text("frequency_Hz;damping_percent;1+z;2-z_real;2-z_imag\n100,5;0,4;1;0,5;-0,1\n")
     found = read_modes_table((tmp_path / "m.csv",))
     assert (found.frequency[0], found.damping[0]) == (100.5, pytest.approx(0.004))
     np.testing.assert_allclose(found.shape[:, 0], [1.0, 0.5 - 0.1j])
@@ -164,15 +152,11 @@ def test_shapes_of_real_files():
     np.testing.assert_allclose(found.shape[::3, 1], [1.82904, -0.0398226, -0.500397, 1.98289])
     found = read_modes_uff(REALDATA / "uff55_translation_rotation.uff", GEOMETRY)
     np.testing.assert_allclose(found.frequency, 97.013)
-    np.testing.assert_allclose(
-        found.shape[:3, 0], [0.053569, 0.020271, 0.0046623]
-    )  # rotations are no part of it
+    np.testing.assert_allclose(found.shape[:3, 0], [0.053569, 0.020271, 0.0046623])  # rotations are no part of it
     found = read_modes_uff(REALDATA / "uff55 sample_test record10.uff", GEOMETRY)
     np.testing.assert_allclose(found.frequency, np.hypot(0.1111111, 41.11111) / 2 / np.pi, rtol=1e-6)
     shape = found.shape[found.node == 111111, 0]
-    expected = (0.1111111 + 0.09111111j) / (
-        0.007111111 + 0.004111111j
-    )  # whatever modal A makes of their scale
+    expected = (0.1111111 + 0.09111111j) / (0.007111111 + 0.004111111j)  # whatever modal A makes of their scale
     np.testing.assert_allclose(shape[0] / shape[1], expected, rtol=1e-6)
 
 
@@ -276,14 +260,7 @@ def test_commands_work_from_read_modes_and_skip_what_needs_functions(tmp_path):
     assert run.returncode == 0, run.stdout + run.stderr
     assert "read from modes.csv" in run.stdout
     files = {file.name for file in (out / "M1").iterdir()}
-    assert {
-        "modal_model.json",
-        "quality.json",
-        "modes.uff",
-        "modes.csv",
-        "shapes.csv",
-        "shape_03.png",
-    } <= files
+    assert {"modal_model.json", "quality.json", "modes.uff", "modes.csv", "shapes.csv", "shape_03.png"} <= files
     assert not {"measurement.npz", "frf.png", "stabilization.png", "poles.txt"} & files
     document = json.loads((out / "M1/modal_model.json").read_text())
     assert document["provenance"]["options"]["modes"] == "read, not identified"
@@ -325,11 +302,7 @@ def test_new_drafts_a_campaign_of_universal_files(tmp_path):
 def test_diagnosis_asks_where_the_force_acted(tmp_path, stack_text):
     written_tables(tmp_path, more="pressure_kPa = 100")
     (tmp_path / "stack.toml").write_text(stack_text)
-    text = (
-        (tmp_path / "campaign.toml")
-        .read_text()
-        .replace("[points]", '[structure]\nstack = "stack.toml"\n[points]')
-    )
+    text = (tmp_path / "campaign.toml").read_text().replace("[points]", '[structure]\nstack = "stack.toml"\n[points]')
     (tmp_path / "campaign.toml").write_text(text)
     run = lamella("diagnose", tmp_path / "campaign.toml", "-o", tmp_path / "out")
     assert run.returncode != 0

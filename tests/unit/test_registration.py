@@ -34,9 +34,7 @@ def test_order_and_direction_are_those_that_were_asked_for():
 
 def test_points_in_millimetres_are_refused_with_a_hint():
     with pytest.raises(PairingError, match="check the unit and the origin") as caught:
-        register(
-            STACK, geometry((100.0, 0.0, 0.0), (0.1, 0.0, 0.0)), np.array([1, 2]), np.repeat(UP, 2, axis=0)
-        )
+        register(STACK, geometry((100.0, 0.0, 0.0), (0.1, 0.0, 0.0)), np.array([1, 2]), np.repeat(UP, 2, axis=0))
     assert "1 of 2 measured points" in str(caught.value)
     assert "point 1 at (100000.0, 0.0, 0.0) mm" in str(caught.value)
 

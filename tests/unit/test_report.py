@@ -60,10 +60,7 @@ def test_a_page_escapes_what_it_is_given_and_links_rows_to_sections():
 def test_sections_hand_out_the_pictures_within_them():
     picture = Picture(name="p", content=b"x", form="svg", data="", alt="", caption="")
     inner = Section(title="inner", blocks=(picture,))
-    assert Section(title="outer", blocks=(picture, table(("1",))), parts=(inner,)).pictures == (
-        picture,
-        picture,
-    )
+    assert Section(title="outer", blocks=(picture, table(("1",))), parts=(inner,)).pictures == (picture, picture)
 
 
 def test_numbers_of_a_figure_keep_full_precision():

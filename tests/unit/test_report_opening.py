@@ -22,9 +22,7 @@ LABELS = {"clamp_mass": "clamp mass", "weld_seam": "weld seams on the long sides
 
 def ranked(*effects, error, left_out):
     given = dict.fromkeys(Ranked.__dataclass_fields__, 0.0)
-    return Ranked(
-        **given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()}
-    )
+    return Ranked(**given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()})
 
 
 BASE = ranked(error=0.034, left_out=0.043)
@@ -71,9 +69,7 @@ def test_how_badly_a_whole_configuration_is_predicted_is_said_where_it_matters(a
     mass = replace(MASS, left_out_error=0.007, left_out_configuration_error=apart)
     for verdict in ("identified", "partly explained"):
         sentence = first(verdict=verdict, set=(("clamp_mass",),), ranking=(BASE, mass)).sentence
-        assert (
-            "A whole configuration that is left out is predicted to 2.6 % only: its contact is" in sentence
-        ) == said
+        assert ("A whole configuration that is left out is predicted to 2.6 % only: its contact is" in sentence) == said
 
 
 def test_where_frequencies_hardly_gain_the_errors_of_damping_tell_what_it_is_worth():
@@ -121,11 +117,7 @@ def test_an_effect_that_was_added_is_not_added_again():
 
 
 def test_an_effect_of_a_file_that_the_page_does_not_know_is_not_in_a_command():
-    own = first(
-        verdict="identified",
-        set=(("own",),),
-        ranking=(BASE, ranked("own", error=0.01, left_out=0.02)),
-    )
+    own = first(verdict="identified", set=(("own",),), ranking=(BASE, ranked("own", error=0.01, left_out=0.02)))
     assert "--effect" not in own.command
 
 
@@ -148,8 +140,7 @@ def test_where_the_model_fails_stands_side_by_side_of_all_configurations(n):
     maps = tuple(Section(title=name, blocks=(replace(blank, name=f"error_map_{name}"),)) for name in names)
     fit = SimpleNamespace(pairing=SimpleNamespace(measured=np.arange(3)), error=0.01)
     tested = tuple(
-        SimpleNamespace(name=name, identified=None, fit=SimpleNamespace(name=name, **vars(fit)))
-        for name in names
+        SimpleNamespace(name=name, identified=None, fit=SimpleNamespace(name=name, **vars(fit))) for name in names
     )
     own = diagnosis(
         verdict="identified", set=(("clamp_mass",),), steps=(BASE, MASS),
@@ -188,14 +179,10 @@ def test_an_updating_says_what_it_changed_and_not_that_no_model_was_fitted():
 
     fit = SimpleNamespace(error=error, configuration=(configuration,))
     modes = SimpleNamespace(frequency=np.array([100.0, 200.0]))
-    given = results(
-        tested=(SimpleNamespace(name="M1", measured=modes, fit=None),), updated=SimpleNamespace(fit=fit)
-    )
+    given = results(tested=(SimpleNamespace(name="M1", measured=modes, fit=None),), updated=SimpleNamespace(fit=fit))
     own = opening(given)
     assert own.badge == "fitted"
-    assert own.sentence == (
-        "1 configuration fitted together: the mean frequency error goes from 3.0 % to 0.10 %."
-    )
+    assert own.sentence == ("1 configuration fitted together: the mean frequency error goes from 3.0 % to 0.10 %.")
     (change,) = mode_changes(given)
     assert (change.mode, change.before, change.after) == (1, pytest.approx(0.03), pytest.approx(0.001))
 

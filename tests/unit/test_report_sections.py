@@ -10,13 +10,7 @@ from updating.diagnosis.answer import Diagnosis, ModeError, Moved, Ranked
 from updating.fitting.fit import ParameterEstimate
 from updating.report.answer import answer_section, moved_table
 from updating.report.chart import printed
-from updating.report.ledger_part import (
-    interval_table,
-    ledger_chart,
-    ledger_section,
-    signature_chart,
-    signature_section,
-)
+from updating.report.ledger_part import interval_table, ledger_chart, ledger_section, signature_chart, signature_section
 from updating.report.page import provenance_section, sections
 from updating.report.results import Results
 from updating.results.ledger import Entry
@@ -35,14 +29,7 @@ def results(**given):
 
 
 def parameter(**given):
-    default = {
-        "name": "exponent",
-        "unit": "1",
-        "value": 0.5,
-        "lower": 0.402,
-        "upper": 0.598,
-        "at_bound": False,
-    }
+    default = {"name": "exponent", "unit": "1", "value": 0.5, "lower": 0.402, "upper": 0.598, "at_bound": False}
     return ParameterEstimate(**(default | given))
 
 
@@ -76,11 +63,7 @@ def test_bars_of_the_ledger_are_its_errors():
 
 def test_a_parameter_at_its_bound_has_no_interval():
     rows = interval_table(
-        results(
-            ledger=(
-                entry("a", error=0.1, shared=(parameter(), parameter(name="k", unit="N/m", at_bound=True))),
-            )
-        )
+        results(ledger=(entry("a", error=0.1, shared=(parameter(), parameter(name="k", unit="N/m", at_bound=True))),))
     ).rows
     assert rows[0] == ("all, base + a", "exponent", "", "0.5", "0.402", "0.598", "")
     assert rows[1] == ("all, base + a", "k", "N/m", "0.5", "", "", "at its bound")
@@ -113,11 +96,7 @@ def test_what_was_moved_is_listed_with_the_farthest_first():
 
 
 def test_the_provenance_names_versions_options_and_every_input():
-    made = {
-        "versions": {"lamella": "0.1"},
-        "options": {"threshold": 0.8},
-        "inputs": {"a.toml": "12", "b.uff": "34"},
-    }
+    made = {"versions": {"lamella": "0.1"}, "options": {"threshold": 0.8}, "inputs": {"a.toml": "12", "b.uff": "34"}}
     other = made | {"options": {}}
     origin = {"M1/fit.json": made, "M2/fit.json": made, "M3/fit.json": other}
     result, inputs = provenance_section(results(origin=origin)).blocks
@@ -147,9 +126,7 @@ def diagnosis(**given):
 
 def ranked(*effects, error, left_out):
     given = dict.fromkeys(Ranked.__dataclass_fields__, 0.0)
-    return Ranked(
-        **given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()}
-    )
+    return Ranked(**given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()})
 
 
 BASE = ranked(error=0.034, left_out=0.043)

@@ -9,10 +9,7 @@ from updating.report.part import Section, in_css
 def test_the_title_block_holds_what_the_campaign_states_and_the_contents_every_section():
     parts = (Section(title="Answer"), Section(title="In full"))
     page = render("A", parts, about=(("Project", "P <1>"), ("Author", "M")))
-    assert re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", page)[:2] == [
-        ("Project", "P &lt;1&gt;"),
-        ("Author", "M"),
-    ]
+    assert re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", page)[:2] == [("Project", "P &lt;1&gt;"), ("Author", "M")]
     contents = re.search(r'<nav aria-label="Contents">(.*?)</nav>', page, re.DOTALL)[1]
     assert re.findall(r'href="#(.*?)"', contents) == ["answer", "in-full"]
 

@@ -37,17 +37,10 @@ def true_modes():
     """Return modes at the points and, last, at the force, each shape off by 3 % and each frequency by 1 %."""
     rng = np.random.default_rng(4)
     where = Observation(
-        node=np.arange(1, N + 2),
-        location=np.vstack([POINTS, FORCE]),
-        direction=np.tile([0.0, 0.0, 1.0], (N + 1, 1)),
+        node=np.arange(1, N + 2), location=np.vstack([POINTS, FORCE]), direction=np.tile([0.0, 0.0, 1.0], (N + 1, 1))
     )
     modes = solve_modes(
-        system(),
-        G_f=G_F,
-        d_f=0.0,
-        n_mode=14,
-        observation=observe(system(), where),
-        parameters={"pressure": PRESSURE},
+        system(), G_f=G_F, d_f=0.0, n_mode=14, observation=observe(system(), where), parameters={"pressure": PRESSURE}
     ).elastic()
     seen = np.linalg.norm(modes.shape, axis=0) > 0.1 * np.linalg.norm(modes.shape, axis=0).max()
     shape = modes.shape[:, seen]
@@ -70,9 +63,7 @@ def measured(factor=1.0, sign=None, force=FORCE):
         direction=np.tile([0.0, 0.0, 1.0], (N, 1)),
         sensor=np.arange(N) % 2,
         input=Dofs(node=np.array([N + 1]), direction=np.array([[0.0, 0.0, 1.0]])),
-        geometry=Geometry(
-            node=np.arange(1, N + 2), coordinate=np.vstack([POINTS, force]), line=np.empty((0, 2), int)
-        ),
+        geometry=Geometry(node=np.arange(1, N + 2), coordinate=np.vstack([POINTS, force]), line=np.empty((0, 2), int)),
     )
 
 
@@ -102,11 +93,7 @@ def test_a_force_that_is_ten_millimetres_off_is_not_remarked():
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [
-        (1.0 / 9.80665, "g for m/s² would do this"),
-        (2.0, "times as large"),
-        (-1.0, "the opposite sign to the model's"),
-    ],
+    [(1.0 / 9.80665, "g for m/s² would do this"), (2.0, "times as large"), (-1.0, "the opposite sign to the model's")],
 )
 def test_functions_that_the_mass_of_the_stack_contradicts_are_named(factor, said):
     (found,) = checked(factor=factor).findings
@@ -127,9 +114,7 @@ def test_a_sensor_upside_down_in_all_runs_is_named_and_refused(sensor):
 def test_a_sensor_in_another_unit_in_all_runs_is_named_with_its_factor_and_refused(sensor, reads):
     found = checked(sign=np.where(np.arange(N) % 2 == sensor, reads, 1.0))
     assert (found.sensor, found.reads) == (sensor + 1, pytest.approx(reads, rel=0.1))
-    with pytest.raises(
-        PairingError, match=f"M1: sensor {sensor + 1} of each run seems to be .*times .*scale = "
-    ):
+    with pytest.raises(PairingError, match=f"M1: sensor {sensor + 1} of each run seems to be .*times .*scale = "):
         upright(found)
 
 
@@ -138,9 +123,7 @@ def test_a_gain_that_the_diagnosis_knows_is_left_to_it(reads):
     assert checked(sign=np.where(np.arange(N) % 2 == 1, reads, 1.0)).findings == ()
 
 
-@pytest.mark.parametrize(
-    ("pressure", "said"), [(160.0, "0.16 kPa, less than the stack's own weight"), (3e8, "bear")]
-)
+@pytest.mark.parametrize(("pressure", "said"), [(160.0, "0.16 kPa, less than the stack's own weight"), (3e8, "bear")])
 def test_a_pressure_in_another_unit_is_named(pressure, said):
     (found,) = check_rig(system(), pressure, measured(), RANGE).findings[:1]
     assert said in found

@@ -26,14 +26,11 @@ def functions(poles, residue, noise=1e-3):
     s = 2j * np.pi * LINES
     own = np.asarray(poles)[RUN]
     value = np.sum(
-        residue[..., None] / (s - own[..., None]) + residue.conj()[..., None] / (s - own.conj()[..., None]),
-        axis=1,
+        residue[..., None] / (s - own[..., None]) + residue.conj()[..., None] / (s - own.conj()[..., None]), axis=1
     )
     scatter = rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape)
     value += noise * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True)) * scatter
-    return Functions(
-        frequency=LINES, value=value, run=RUN, quantity="receptance", weight=np.ones_like(value.real)
-    )
+    return Functions(frequency=LINES, value=value, run=RUN, quantity="receptance", weight=np.ones_like(value.real))
 
 
 def residues(*size):

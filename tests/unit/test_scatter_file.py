@@ -16,9 +16,7 @@ def test_what_is_stated_counts_and_the_rest_stays(tmp_path):
     assert found == DiagnosisScatter(stiffness=0.1, height=0.005)
 
 
-@pytest.mark.parametrize(
-    ("line", "fault"), [("yung = 0.1", "did you mean 'young'"), ("young = 0.0", "greater than 0")]
-)
+@pytest.mark.parametrize(("line", "fault"), [("yung = 0.1", "did you mean 'young'"), ("young = 0.0", "greater than 0")])
 def test_a_faulty_line_is_named(tmp_path, line, fault):
     (tmp_path / "scatter.toml").write_text(line, encoding="utf-8")
     with pytest.raises(FitError, match=fault):

@@ -196,9 +196,7 @@ def explained(whole):
     share = np.array(whole)[:, None]
     names = tuple(f"{k}+z" for k in range(1, len(whole) + 1))
     edge = np.array([20.0, 500.0])
-    return ExplainedPower(
-        channel=names, edge=edge, share=share, whole=np.array(whole), quantity="accelerance"
-    )
+    return ExplainedPower(channel=names, edge=edge, share=share, whole=np.array(whole), quantity="accelerance")
 
 
 @pytest.mark.parametrize(
@@ -227,9 +225,7 @@ def test_a_roving_hammer_is_compared_at_its_points():
 
 def rows(frf):
     value = frf.value[:, 0]
-    return Functions(
-        frequency=LINES, value=value, run=frf.run, quantity=frf.quantity, weight=np.ones_like(value.real)
-    )
+    return Functions(frequency=LINES, value=value, run=frf.run, quantity=frf.quantity, weight=np.ones_like(value.real))
 
 
 def poles(frequency, damping):
@@ -274,9 +270,7 @@ def test_a_receptance_is_not_judged_by_the_integrated_noise_of_its_first_lines()
 
 def test_complex_conjugates_are_told():
     frf = functions([80, 190, 330], [0.01] * 3, beam(10, 3), 1e-2)
-    with pytest.raises(
-        IdentificationError, match="the phase rises through the resonances, as of the complex"
-    ):
+    with pytest.raises(IdentificationError, match="the phase rises through the resonances, as of the complex"):
         identified(replace(frf, value=frf.value.conj()))
 
 
@@ -309,9 +303,7 @@ def test_a_resonance_whose_own_lines_have_spoiled_phases_is_found_by_its_flanks(
     strong, spoiled = poles([300.0, 88.0], [0.006, 0.003])
     data = rows(functions([300.0], [0.006], shape[:, 1:], 1e-3))
     s = 2j * np.pi * LINES
-    noise = (
-        np.where(np.abs(LINES - 88.0) < 1.1, 1.0, 0.05) * (rng.standard_normal((2, n, s.size)).T @ [1, 1j]).T
-    )
+    noise = np.where(np.abs(LINES - 88.0) < 1.1, 1.0, 0.05) * (rng.standard_normal((2, n, s.size)).T @ [1, 1j]).T
     value = data.value + turn * s**2 * shape[:, :1] / (s - spoiled) / 600.0 * (1.0 + noise)
     data = replace(data, value=value)
     fit, _ = take_in_peaks(data, data.linear_fit(np.array([strong])), np.empty(0, dtype=complex), (20, 500))

@@ -10,9 +10,7 @@ from updating.diagnosis.sensor_place import place_slopes
 
 def test_slopes_are_those_of_displacements_and_points_at_an_edge_move_inwards(tmp_path, stack_text):
     path = tmp_path / "stack.toml"
-    path.write_text(
-        stack_text.replace("n_lamina = 240", "n_lamina = 12\n[mesh]\nn_x = 6\nn_y = 2"), encoding="utf-8"
-    )
+    path.write_text(stack_text.replace("n_lamina = 240", "n_lamina = 12\n[mesh]\nn_x = 6\nn_y = 2"), encoding="utf-8")
     system = reduce(read_stack(path), G_f_range=(500.0, 2000.0), n_snapshot=2, n_mode=10)
     location = np.array([[0.05, 0.01, 0.0], [system.stack.length / 2.0, 0.0, 0.0]])
     normal = np.tile([0.0, 0.0, 1.0], (2, 1))

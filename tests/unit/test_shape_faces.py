@@ -14,9 +14,9 @@ def test_a_block_of_points_has_its_six_faces():
     area = 0.5 * np.linalg.norm(np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0]), axis=1)
     np.testing.assert_allclose(area, 0.5)  # half a face each: none goes through the block
     flat = np.ptp(ends, axis=1) == 0.0
-    assert sorted(
-        (int(np.flatnonzero(f)[0]), float(e[0, f][0])) for f, e in zip(flat, ends, strict=True)
-    ) == sorted(2 * [(axis, side) for axis in range(3) for side in (0.0, 1.0)])
+    assert sorted((int(np.flatnonzero(f)[0]), float(e[0, f][0])) for f, e in zip(flat, ends, strict=True)) == sorted(
+        2 * [(axis, side) for axis in range(3) for side in (0.0, 1.0)]
+    )
 
 
 def test_a_ring_with_a_line_across_is_filled_once():

@@ -15,9 +15,7 @@ class Inner:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-@arrays(
-    {"any": "node", "node 3": "direction", "node mode": "shape", "mode": "frequency", "inner.node": "force"}
-)
+@arrays({"any": "node", "node 3": "direction", "node mode": "shape", "mode": "frequency", "inner.node": "force"})
 class Shapes:
     node: "NDArray[np.int64]"
     direction: "NDArray[np.float64]"
@@ -40,11 +38,7 @@ GIVEN = {
 
 def test_arrays_are_of_the_types_that_are_stated_and_nobody_writes_them():
     made = Shapes(**GIVEN)
-    assert [getattr(made, name).dtype for name in ("node", "shape", "frequency")] == [
-        np.int64,
-        complex,
-        float,
-    ]
+    assert [getattr(made, name).dtype for name in ("node", "shape", "frequency")] == [np.int64, complex, float]
     assert made.force is None
     with pytest.raises(ValueError, match="read-only"):
         made.shape[0, 0] = 0.0

@@ -23,13 +23,9 @@ EXPONENT = 0.5
 def simulated(effects, values, pressures):
     """Stacks at some pressures, with the frequencies that the model has at these values."""
     stack = read_stack(ROOT / "data/pirnat2013/stack_C1.toml")
-    stack = dataclasses.replace(stack, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(
-        *find_effects(effects)
-    )
+    stack = dataclasses.replace(stack, n_lamina=40, mesh=Mesh(n_x=8, n_y=2)).with_effects(*find_effects(effects))
     blank = [
-        target_of_table(
-            stack.with_contact(pressure=p), CLASSES, np.full(4, 500.0), name=f"{name} {p:g}", specimen=name
-        )
+        target_of_table(stack.with_contact(pressure=p), CLASSES, np.full(4, 500.0), name=f"{name} {p:g}", specimen=name)
         for name in G_F
         for p in pressures
     ]
@@ -79,20 +75,14 @@ def test_a_mode_left_out_is_what_a_fit_without_it_predicts(stacks):
         for p in stacks
     ]
     all_of_them = fit_shared_opt_G(noisy, ["clamp_inertia"])
-    without = [
-        dataclasses.replace(p, used=p.used & ~((i == 0) & (np.arange(4) == 2))) for i, p in enumerate(noisy)
-    ]
+    without = [dataclasses.replace(p, used=p.used & ~((i == 0) & (np.arange(4) == 2))) for i, p in enumerate(noisy)]
     refitted = fit_shared_opt_G(without, ["clamp_inertia"], first=all_of_them, anew=False, left_out=False)
     assert all_of_them.mode_left_out[0][2] == pytest.approx(refitted.frequency[0][2], rel=5e-4)
-    assert {p.name: (p.lower < TRUE[p.name] < p.upper) for p in all_of_them.parameter} == dict.fromkeys(
-        TRUE, True
-    )
+    assert {p.name: (p.lower < TRUE[p.name] < p.upper) for p in all_of_them.parameter} == dict.fromkeys(TRUE, True)
 
 
 def test_bounds_and_fixed_values_hold(stacks):
-    low = fit_shared_opt_G(
-        stacks, ["clamp_inertia"], bounds={"clamp_roll_inertia": (0.0, 0.002)}, left_out=False
-    )
+    low = fit_shared_opt_G(stacks, ["clamp_inertia"], bounds={"clamp_roll_inertia": (0.0, 0.002)}, left_out=False)
     assert low.parameter[0].at_bound
     assert not low.parameter[0].determined
     fixed = fit_shared_opt_G(stacks, ["clamp_inertia"], fixed=TRUE, left_out=False)

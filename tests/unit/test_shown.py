@@ -96,9 +96,7 @@ def test_a_fit_shows_its_parameters_and_pairs():
 
 def ranked(effects, error, left_out):
     given = dict.fromkeys(Ranked.__dataclass_fields__, 0.0)
-    return Ranked(
-        **given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()}
-    )
+    return Ranked(**given | {"effects": effects, "frequency_error": error, "left_out_error": left_out, "parameter": ()})
 
 
 def test_a_diagnosis_shows_its_answer_and_draws_how_the_error_falls():
@@ -110,9 +108,7 @@ def test_a_diagnosis_shows_its_answer_and_draws_how_the_error_falls():
         shown=lambda most: (found, base)[:most],
     )  # fmt: skip
     text = diagnosis_html(own)
-    assert (
-        "What the model lacks is a mass: with it the mean frequency error falls from 4.0 % to 0.10 %" in text
-    )
+    assert "What the model lacks is a mass: with it the mean frequency error falls from 4.0 % to 0.10 %" in text
     assert text.index("<td>a mass</td>") < text.index("<td>base model</td>")
     steps, modes = (part.axes[0] for part in diagnosis_figure(own).subfigs)
     assert [bar.get_height() for bar in steps.patches[:3]] == pytest.approx([4.0, 3.9, 0.1])
@@ -125,6 +121,4 @@ def test_what_nobody_draws_is_said():
     assert html_of(3) == "<pre>3</pre>"
     with pytest.raises(TypeError, match="nothing draws a int"):
         figure_of(3)
-    assert html_table("t", ("a",), [["1 < 2"]], "n").endswith(
-        "<td>1 &lt; 2</td></tr></tbody></table><p>n</p>"
-    )
+    assert html_table("t", ("a",), [["1 < 2"]], "n").endswith("<td>1 &lt; 2</td></tr></tbody></table><p>n</p>")

@@ -49,9 +49,7 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
         Picture(name=f"s{k}", content=drawn.getvalue(), form="png", data="", alt=f"Mode {k}", caption="")
         for k in range(4)
     )
-    table = Table(
-        title="Identified modes", header=("mode", "f"), rows=tuple((str(r), "1") for r in range(16))
-    )
+    table = Table(title="Identified modes", header=("mode", "f"), rows=tuple((str(r), "1") for r in range(16)))
     for name, made in (
         ("opening", lambda _: Opening(badge="identified", tone="found", sentence="It lacks a mass.")),
         ("steps", lambda _: ()),
@@ -81,17 +79,13 @@ def test_slides_hold_the_answer_the_modes_and_the_shapes(tmp_path, monkeypatch):
     assert titles == [
         "A test: identified", *2 * ["M1: Identified modes"], "MAC of M1", "FRFs of M1", *2 * ["Mode shapes of M1"]
     ]  # fmt: skip
-    assert "It lacks a mass." in [
-        shape.text_frame.text for shape in show.slides[0].shapes if shape.has_text_frame
-    ]
+    assert "It lacks a mass." in [shape.text_frame.text for shape in show.slides[0].shapes if shape.has_text_frame]
     rows = [len(s.table.rows) for slide in show.slides for s in slide.shapes if s.has_table]
     assert rows == [15, 3]
     functions = next(
         s for s in show.slides[titles.index("FRFs of M1")].shapes if s.shape_type == MSO_SHAPE_TYPE.PICTURE
     )
-    assert (
-        functions.width > 0.8 * show.slide_width
-    )  # beside each other: one under the other they fill a third of it
+    assert functions.width > 0.8 * show.slide_width  # beside each other: one under the other they fill a third of it
     for slide in show.slides:
         for shape in slide.shapes:
             assert 0 <= shape.left < shape.left + shape.width <= show.slide_width

@@ -59,15 +59,11 @@ def test_a_mode_is_nearly_that_of_its_backbone(mode):
     contact, strain = STACK.contact, model.contact_strain(system)
     law = model.SlipLaw(friction=0.3, exponent=-0.5)
     given = {"mode": mode, "G_f": contact.G_f, "d_f": contact.d_f}
-    along = model.backbone(
-        system, strain, law, amplitude=np.append(0.0, np.geomspace(1e-8, 1e-5, 12)), **given
-    )
+    along = model.backbone(system, strain, law, amplitude=np.append(0.0, np.geomspace(1e-8, 1e-5, 12)), **given)
     at = int(np.argmax(along.frequency < 0.96 * along.frequency[0]))
     assert at > 0
     point = model.Observation(node=[1], location=[[0.1, 0.02, 0.03]], direction=[[0.0, 0.0, 1.0]])
-    linear = model.solve_modes(
-        system, G_f=contact.G_f, d_f=contact.d_f, observation=point, by=("G_f",)
-    ).elastic()
+    linear = model.solve_modes(system, G_f=contact.G_f, d_f=contact.d_f, observation=point, by=("G_f",)).elastic()
     held = 2 * contact.G_f * linear.frequency_gradient[mode] / linear.frequency[mode]
     shares = along.amplitude[at] * strain_shares(strain, linear.coordinate[:, mode])[None]
     softening = float(law.softening(np.array([STRAIN / law.sliding_strain(contact.G_f)]))[0])

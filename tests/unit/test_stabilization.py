@@ -22,9 +22,7 @@ def frf(frequency: list[float], damping: list[float], noise: float, n: int = 8, 
     s = 2j * np.pi * F
     value = s**2 * (residue @ (1 / (s - pole[:, None])) + residue.conj() @ (1 / (s - pole.conj()[:, None])))
     rms = np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True))
-    value += (
-        noise * rms * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape)) / np.sqrt(2)
-    )
+    value += noise * rms * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape)) / np.sqrt(2)
     z = np.tile([0.0, 0.0, 1.0], (n, 1))
     return FRF(
         frequency=F,

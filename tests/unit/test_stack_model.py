@@ -39,8 +39,7 @@ def whole():
     )  # fmt: skip
     candidates = candidate_model(STACK, instruments, effects)
     tested = [
-        evidence.Tested(name=name, pressure=pressure, modes=modes)
-        for name, pressure in (("M1", 160e3), ("M2", 320e3))
+        evidence.Tested(name=name, pressure=pressure, modes=modes) for name, pressure in (("M1", 160e3), ("M2", 320e3))
     ]
     return StackModel(candidates, tested, [observation, observation], DiagnosisScatter())
 
@@ -70,18 +69,13 @@ def test_modes_about_a_point_are_those_of_the_whole_model(whole, at, state):
     """The finer mesh's correction is that of the plain stack: it must not undo what moves a clamp or adds a mass."""
     coordinates = coordinates_of(whole, tuple(whole.terms.values()))
     x = np.array([at.get(c.name, 0.0) for c in coordinates])
-    plain = np.array(
-        [at.get(c.name, 0.0) if c.name in ("G_f", "young", "G_f[M1]") else 0.0 for c in coordinates]
-    )
+    plain = np.array([at.get(c.name, 0.0) if c.name in ("G_f", "young", "G_f[M1]") else 0.0 for c in coordinates])
 
     def local(point):
         value = whole.about(coordinates, [point]).modal(point, state).eigenvalue
         return np.sqrt(value[value > 0.0][:N_COMPARED]) / (2.0 * np.pi)
 
-    mesh = (
-        local(plain)
-        / exact(whole, dict(zip([c.name for c in coordinates], plain, strict=True)), state)[:N_COMPARED]
-    )
+    mesh = local(plain) / exact(whole, dict(zip([c.name for c in coordinates], plain, strict=True)), state)[:N_COMPARED]
     np.testing.assert_allclose(local(x) / mesh, exact(whole, at, state)[:N_COMPARED], rtol=5e-4)
 
 
@@ -154,9 +148,7 @@ def test_a_screen_turns_modes_of_a_changed_stack_into_errors_that_its_change_tak
     errors = equation_errors(state, screen.modal, np.full(N_SEEN, 1e-4), x.size)
     value, loss = _changed(state, errors, screen.modal, screen.change(x))
     after = errors.value + value[:, 0].reshape(errors.value.shape)
-    before, left = (
-        np.sum(own * errors.weight, axis=1) for own in (errors.value, after)
-    )  # what sensors see surely
+    before, left = (np.sum(own * errors.weight, axis=1) for own in (errors.value, after))  # what sensors see surely
     np.testing.assert_allclose(left, 0.0, atol=0.05 * np.abs(before).max())
     if name == "clamp_added_mass":  # what modes beyond lose is left out
         np.testing.assert_allclose(errors.damping + loss[:, 0], 0.0, atol=0.2 * np.abs(errors.damping).max())
@@ -169,12 +161,7 @@ def test_a_screen_turns_modes_of_a_changed_stack_into_errors_that_its_change_tak
 def test_a_finer_mesh_corrects_only_modes_that_its_model_was_reduced_for(whole):
     """A test at low torque has more modes in its band than the model was reduced for; a finer mesh only softens."""
     more = StackModel(
-        whole.candidates,
-        whole.tested,
-        whole.observation,
-        whole.scatter,
-        whole.effects,
-        n_equation=N_MODEL + 8,
+        whole.candidates, whole.tested, whole.observation, whole.scatter, whole.effects, n_equation=N_MODEL + 8
     )
     theta = more.theta({"G_f": -1.0}, 0)[0]
     change, inertia = more.finer_mesh(theta)

@@ -15,11 +15,7 @@ def test_a_changed_state_stands_beside_its_reference():
     table = section.blocks[0]
     assert table.rows[0][1:3] == ("100.00", "93.00")
     assert [row[-1] for row in table.rows] == ["frequency", "", "", ""]
-    assert [picture.name for picture in section.pictures] == [
-        "change_cut",
-        "change_mac_cut",
-        "change_comac_cut",
-    ]
+    assert [picture.name for picture in section.pictures] == ["change_cut", "change_mac_cut", "change_comac_cut"]
     assert "cut against intact" in render("x", (section,))
 
 

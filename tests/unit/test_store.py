@@ -207,9 +207,7 @@ def test_a_stack_with_an_effect_and_the_columns_of_tables_come_back(tmp_path):
     stack = model.read_stack(DATA / "demo_stack" / "stack.toml").with_effects(
         *model.find_effects(["clamp_mass"]), clamp_added_mass=0.3
     )
-    held = Holding(
-        stack=stack, table=TableLayout(layout="real-imaginary", header_rows=1, columns=((2, 3), (5, 6)))
-    )
+    held = Holding(stack=stack, table=TableLayout(layout="real-imaginary", header_rows=1, columns=((2, 3), (5, 6))))
     write_result(tmp_path / "held.json", held, inputs=(), options={})
     back = read_result(tmp_path / "held.json", Holding)
     assert back.table == held.table

@@ -16,9 +16,7 @@ ACCELERANCE = parse_unit("m/s2/N")
 
 
 def rows(columns, delimiter=",", decimal="."):
-    lines = (
-        delimiter.join(f"{x:.15g}".replace(".", decimal) for x in row) for row in zip(*columns, strict=True)
-    )
+    lines = (delimiter.join(f"{x:.15g}".replace(".", decimal) for x in row) for row in zip(*columns, strict=True))
     return "\n".join(lines) + "\n"
 
 
@@ -67,12 +65,7 @@ def test_complex_text_without_a_axis_column(tmp_path, spelling):
 def test_columns_can_be_named_and_coherence_taken(tmp_path):
     table = rows([*PARTS, [0.9, 0.8, 0.7]])
     functions = read(
-        tmp_path,
-        table,
-        layout="real-imaginary",
-        columns=[[4, 5]],
-        coherence_columns=[6],
-        unit=parse_unit("g/N"),
+        tmp_path, table, layout="real-imaginary", columns=[[4, 5]], coherence_columns=[6], unit=parse_unit("g/N")
     )
     assert [f.kind for f in functions] == ["frf", "coherence"]
     np.testing.assert_allclose(functions[0].value, 9.80665 * VALUE[1])
@@ -111,12 +104,7 @@ def test_faults_are_named(tmp_path, text, layout, said):
 
 
 @pytest.mark.parametrize(
-    "layout",
-    [
-        {"layout": "complex", "columns": [[2, 3]]},
-        {"layout": "complex", "axis_column": 0},
-        {"layout": "polar"},
-    ],
+    "layout", [{"layout": "complex", "columns": [[2, 3]]}, {"layout": "complex", "axis_column": 0}, {"layout": "polar"}]
 )
 def test_impossible_layouts_are_refused(layout):
     with pytest.raises(ValidationError):

@@ -32,10 +32,7 @@ def test_what_was_not_measured_is_left_out_and_nothing_is_made_of_one_mode():
 
 
 def test_stacks_that_differ_widen_the_interval():
-    close, apart = (
-        together([shift(0.1, 0.1), shift(0.12, 0.1)]),
-        together([shift(-0.5, 0.1), shift(0.72, 0.1)]),
-    )
+    close, apart = (together([shift(0.1, 0.1), shift(0.12, 0.1)]), together([shift(-0.5, 0.1), shift(0.72, 0.1)]))
     assert close.value == pytest.approx(apart.value)
     assert apart.upper - apart.lower > 10.0 * (close.upper - close.lower)
 

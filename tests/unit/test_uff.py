@@ -29,9 +29,7 @@ NONE
 """
 
 
-def function(
-    body, node=1, ordinate=5, count=3, spacing=1, start=0.0, step=0.5, numerator=12, label="m/s^2", force="N"
-):
+def function(body, node=1, ordinate=5, count=3, spacing=1, start=0.0, step=0.5, numerator=12, label="m/s^2", force="N"):
     return HEADER.format(**locals())
 
 
@@ -50,10 +48,7 @@ def structure():
     rng = np.random.default_rng(1)
     local = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     geometry = Geometry(
-        node=[1, 2, 30],
-        coordinate=rng.normal(size=(3, 3)),
-        line=[[1, 2], [2, 30]],
-        axes=[np.eye(3), np.eye(3), local],
+        node=[1, 2, 30], coordinate=rng.normal(size=(3, 3)), line=[[1, 2], [2, 30]], axes=[np.eye(3), np.eye(3), local]
     )
     frf = FRF(
         frequency=20 + 0.3 * np.arange(500),
@@ -166,13 +161,7 @@ def test_a_byte_order_mark_does_not_shift_the_sets(tmp_path):
 
 
 def test_doubled_and_missing_delimiters_do_not_shift_the_sets(tmp_path):
-    text = (
-        function(BODY, node=1)
-        + "    -1\n"
-        + function(BODY, node=2)
-        + "    -1\n    -1\n"
-        + function(BODY, node=3)
-    )
+    text = function(BODY, node=1) + "    -1\n" + function(BODY, node=2) + "    -1\n    -1\n" + function(BODY, node=3)
     functions, _ = read(tmp_path, text.removesuffix("    -1\n"))
     assert [f.output for f in functions] == [(1, 3), (2, 3), (3, 3)]
     functions, notes = read(tmp_path, text.removesuffix("    -1\n"))
@@ -192,9 +181,7 @@ def test_wrong_count_is_said(tmp_path):
 
 
 def test_even_data_stored_as_uneven(tmp_path):
-    body = "\n".join(
-        f"{f:13.5e}{v.real:20.12e}{v.imag:20.12e}" for f, v in zip((5, 6, 7), VALUE, strict=True)
-    )
+    body = "\n".join(f"{f:13.5e}{v.real:20.12e}{v.imag:20.12e}" for f, v in zip((5, 6, 7), VALUE, strict=True))
     functions, _ = read(tmp_path, function(body, ordinate=6, spacing=0, step=0.0))
     np.testing.assert_allclose(functions[0].abscissa, [5, 6, 7])
     np.testing.assert_allclose(functions[0].value, VALUE)
@@ -286,8 +273,6 @@ def test_a_point_number_beyond_ten_digits(tmp_path, kind):
 def test_a_label_of_a_coordinate_system_that_no_float_holds(tmp_path):
     rows = "  1.0 0.0 0.0\n  0.0 1.0 0.0\n  0.0 0.0 1.0\n  0.0 0.0 0.0\n"
     point = f"    -1\n    15\n{7:10d}{0:10d}{0:10d}{8:10d}  1.0 2.0 3.0\n    -1\n"
-    (tmp_path / "a.uff").write_text(
-        f"    -1\n  2420\n{1:10d}\nNone\n {'9' * 400} 0 0\nA\n{rows}    -1\n{point}"
-    )
+    (tmp_path / "a.uff").write_text(f"    -1\n  2420\n{1:10d}\nNone\n {'9' * 400} 0 0\nA\n{rows}    -1\n{point}")
     with pytest.raises(MeasurementError, match=r"data set 1 .2420.: the records .* incomplete or not finite"):
         read_uff_geometry(tmp_path / "a.uff")

@@ -44,9 +44,7 @@ def functions(lines, window):
 
 
 def damping(frf):
-    geometry = Geometry(
-        node=np.arange(1, 4), coordinate=np.outer(np.arange(3), [0.1, 0, 0]), line=np.zeros((0, 2))
-    )
+    geometry = Geometry(node=np.arange(1, 4), coordinate=np.outer(np.arange(3), [0.1, 0, 0]), line=np.zeros((0, 2)))
     model = identify_frf(frf, geometry, name="a")
     r = int(np.argmin(np.abs(model.frequency - CENTRE)))
     return model.damping[r], model.damping_std[r], model.frequency[r]

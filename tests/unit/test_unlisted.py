@@ -51,9 +51,7 @@ def test_what_is_left_of_several_terms_is_weighed_against_the_rival_too(monkeypa
     model, common, base = of_base(with_mass(10, 1.0))
     monkeypatch.setattr(Search, "helps", lambda *_: True)
     part = frozenset({"spot"})
-    monkeypatch.setattr(
-        "updating.inference.search._needed", lambda model, common, among, fitted, chosen: fitted[part]
-    )
+    monkeypatch.setattr("updating.inference.search._needed", lambda model, common, among, fitted, chosen: fitted[part])
     found = search(model, common, base, say=lambda _: None)
     assert found.refused
     assert found.chosen.terms == ()
@@ -102,6 +100,4 @@ def test_derivatives_by_the_direction_are_those_of_differences(of_mass):
     change = _change(base.errors, None, of_mass, -1.0)
     direction, step = np.random.default_rng(2).standard_normal((2, base.errors[0].value.shape[1]))
     ends = [change.at(direction + sign * 1e-6 * step)[0] for sign in (1.0, -1.0)]
-    np.testing.assert_allclose(
-        (ends[0] - ends[1]) / 2e-6, change.at(direction)[1] @ step, rtol=1e-6, atol=1e-8
-    )
+    np.testing.assert_allclose((ends[0] - ends[1]) / 2e-6, change.at(direction)[1] @ step, rtol=1e-6, atol=1e-8)

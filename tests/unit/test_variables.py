@@ -167,12 +167,8 @@ def test_faults_are_named(tmp_path, kind, changes, said):
 
 @pytest.mark.parametrize("kind", WRITERS)
 def test_parts_that_do_not_fit(tmp_path, kind):
-    with pytest.raises(
-        MeasurementError, match=r"'re' \(real\) and 'f' \(imaginary\): expected real numbers in one"
-    ):
-        read(
-            tmp_path, kind, {"re": VALUE[:, :, 0].real, "f": FREQUENCY}, real="re", imaginary="f", axis_step=1
-        )
+    with pytest.raises(MeasurementError, match=r"'re' \(real\) and 'f' \(imaginary\): expected real numbers in one"):
+        read(tmp_path, kind, {"re": VALUE[:, :, 0].real, "f": FREQUENCY}, real="re", imaginary="f", axis_step=1)
 
 
 @pytest.mark.parametrize("kind", WRITERS)
@@ -255,11 +251,7 @@ def test_a_campaign_of_arrays(folder):
     ("old", "new", "said"),
     [
         ('unit = "m/s2/N"', "", "MATLAB, HDF5, NumPy and TDMS files need 'unit' and .measurement.variables."),
-        (
-            '[measurement.variables]\nfrf = "H"\nfrequency = "f"',
-            "",
-            "need 'unit' and .measurement.variables.",
-        ),
+        ('[measurement.variables]\nfrf = "H"\nfrequency = "f"', "", "need 'unit' and .measurement.variables."),
         ("frf =", "frff =", "measurement.variables.frff: unknown key; did you mean 'frf'"),
         ('unit = "m/s2/N"', '[measurement.time]\nwindow = "hann"', "measurement: .* is of files of FRFs"),
     ],

@@ -135,9 +135,7 @@ def test_sensors_that_load_the_stack_equal_a_heavier_stack(bench):
     specimen, system = bench
     of = dynamics(system, system.theta)
     at = specimen.output
-    sensors = model.observe(
-        system, replace(at, node=at.node[:2], location=at.location[:2], direction=at.direction[:2])
-    )
+    sensors = model.observe(system, replace(at, node=at.node[:2], location=at.location[:2], direction=at.direction[:2]))
     rows, frequency = sensors.reduced_rows, np.array([400.0, 812.0, 1555.0])
     drive = model.observe(system, specimen.shaker).reduced_rows[0]
 
@@ -161,21 +159,14 @@ def test_dummies_make_all_runs_see_one_heavier_stack(bench, test):
 
 
 def test_a_pole_that_is_met_to_the_last_bit_is_found():
-    undamped = Dynamics(
-        steady={"M": np.eye(2), "C": np.zeros((2, 2)), "K": np.diag([1.0, 4.0])}, following=()
-    )
+    undamped = Dynamics(steady={"M": np.eye(2), "C": np.zeros((2, 2)), "K": np.diag([1.0, 4.0])}, following=())
     found, _ = poles(undamped, np.array([1j, 2j]), np.eye(2))
     np.testing.assert_allclose(found, [1j, 2j], rtol=1e-12)
 
 
 def test_functions_without_noise_have_the_true_poles(test, reduced_once):
     one = replace(
-        test,
-        configurations=test.configurations[:1],
-        deviation={},
-        dummy_masses=True,
-        averaging=None,
-        noise=0.0,
+        test, configurations=test.configurations[:1], deviation={}, dummy_masses=True, averaging=None, noise=0.0
     )
     frf, true = simulate(replace(one, step=1.0))["M1"]
     measured = ema.identify_frf(frf, test.geometry, name="M1", band=(400.0, 1900.0))

@@ -14,15 +14,7 @@ from updating.fitting.fit import ParameterEstimate
 from updating.report.results import Results
 from updating.workbench import comparison_panel, diagnosis_panel, identification_panel, what_if_panel
 from updating.workbench.diagnosis_panel import CHANGES
-from updating.workbench.what_if import (
-    FIRST,
-    NEXT,
-    Knob,
-    effect_choices,
-    explanation,
-    slider_rows,
-    values_of,
-)
+from updating.workbench.what_if import FIRST, NEXT, Knob, effect_choices, explanation, slider_rows, values_of
 from updating.workbench.what_if_panel import fitted_sentence
 
 MASS = ParameterEstimate(
@@ -82,9 +74,7 @@ def stack():
 
 
 def test_sliders_are_set_to_what_the_diagnosis_fitted_for_the_configuration():
-    own = replace(
-        ranked("clamp_mass", parameter=(MASS,)), nuisance={"G_f": 0.1, "G_f[M2]": 0.02, "d_f": -0.5}
-    )
+    own = replace(ranked("clamp_mass", parameter=(MASS,)), nuisance={"G_f": 0.1, "G_f[M2]": 0.02, "d_f": -0.5})
     given = results(diagnosis=replace(diagnosed(), stack=stack(), ranking=(own,)))
     assert values_of(given, "M2", ["clamp_mass"]) == pytest.approx(
         {"G_f": 1000.0 * math.exp(0.12), "d_f": 1e-11 * math.exp(-0.5), "clamp_added_mass": 0.3}

@@ -79,10 +79,7 @@ def test_what_is_tried_is_paired_near_its_frequency_and_not_with_what_looks_a_li
 def test_the_function_of_a_mass_on_a_spring_is_that_of_the_textbook():
     f, xi, mass = 50.0, 0.02, 4.0
     modes = SimpleNamespace(
-        frequency=np.array([f]),
-        damping=np.array([xi]),
-        shape=np.array([[mass**-0.5]]),
-        coordinate=np.array([[2.0]]),
+        frequency=np.array([f]), damping=np.array([xi]), shape=np.array([[mass**-0.5]]), coordinate=np.array([[2.0]])
     )
     force = SimpleNamespace(reduced_rows=np.array([[0.5 * mass**-0.5]]))
     lines = SimpleNamespace(frequency=np.array([20.0, 50.0, 90.0]), quantity="accelerance")
@@ -113,9 +110,7 @@ def test_results_are_opened_from_another_folder_than_they_were_made_from(tmp_pat
     monkeypatch.chdir("/")
     assert find(folder, None, lambda *_: None).campaign.samefile(file)
     file.unlink()
-    with pytest.raises(
-        StoreError, match=r"come from own/campaign.toml, which is not there; open the campaign file"
-    ):
+    with pytest.raises(StoreError, match=r"come from own/campaign.toml, which is not there; open the campaign file"):
         find(folder, None, lambda *_: None)
 
 
@@ -143,13 +138,7 @@ def test_files_in_the_folder_of_the_campaign_are_named_from_there(tmp_path):
 
 def test_of_lines_of_progress_the_page_keeps_the_last():
     lines = []
-    for line in (
-        "began",
-        "identify, 0 of 2 done (1 s)",
-        "identify, 0 of 2 done (2 s)",
-        "M1: done",
-        "fit (1 s)",
-    ):
+    for line in ("began", "identify, 0 of 2 done (1 s)", "identify, 0 of 2 done (2 s)", "M1: done", "fit (1 s)"):
         lines = followed(lines, line)
     assert lines == ["began", "identify, 0 of 2 done (2 s)", "M1: done", "fit (1 s)"]
 

@@ -191,12 +191,7 @@ def _batch(kind: Kind, candidates: Candidates, log_prior: Vector, actions: Actio
 
 
 def _concluded(
-    at: Situation,
-    tried: Sequence[_Batch],
-    impossible: Mapping[str, str],
-    scatter: tuple[float, float],
-    *,
-    seen: bool,
+    at: Situation, tried: Sequence[_Batch], impossible: Mapping[str, str], scatter: tuple[float, float], *, seen: bool
 ) -> WhatChanged:
     median, stated = scatter
     sizes = median * _SIZES
@@ -245,18 +240,14 @@ def _joined(tried: Sequence[_Tried]) -> list[_Tried]:
             np.concatenate([one.effect, other.effect]),
         )
         weighed = tuple(
-            Weighed(
-                **{f.name: np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(Weighed)}
-            )
+            Weighed(**{f.name: np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(Weighed)})
             for a, b in zip(before.weighed, own.weighed, strict=True)
         )
         found[own.kind.name] = _Tried(batch, weighed, np.concatenate([before.log, own.log], axis=1), own.none)
     return list(found.values())
 
 
-def _refined(
-    at: Situation, found: Sequence[_Tried], problems: Sequence[tuple[Vector, Vector]]
-) -> list[_Tried]:
+def _refined(at: Situation, found: Sequence[_Tried], problems: Sequence[tuple[Vector, Vector]]) -> list[_Tried]:
     """Weigh the likeliest candidates of the likeliest kinds once more, with the structure's answer to them."""
     evidence = np.array([own.evidence for own in found])
     structure = Condensed(at)
@@ -318,9 +309,7 @@ def _answer(
     total = float(scipy.special.logsumexp(odds))
     probability = np.exp(odds - np.logaddexp(total, 0.0))
     order = np.argsort(-odds)
-    of_kind = {
-        found[i].kind.name: _kind(at, found[i], float(odds[i]), float(probability[i]), misfit) for i in order
-    }
+    of_kind = {found[i].kind.name: _kind(at, found[i], float(odds[i]), float(probability[i]), misfit) for i in order}
     verdict, left = _verdict([of_kind[found[i].kind.name] for i in order], total, seen=seen)
     best = found[int(order[0])]
     shares = best.share.sum(axis=1) if left else np.exp(none - scipy.special.logsumexp(none))
@@ -381,9 +370,7 @@ def _made(at: Situation, own: _Tried) -> Vector:
         return own.best_refined.shift
     g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
     change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
-    work = (
-        np.einsum("nm,nm,nm->n", change, at.ours.scale, at.ours.weight) / at.ours.eigenvalue
-    )  # Rayleigh's quotient
+    work = np.einsum("nm,nm,nm->n", change, at.ours.scale, at.ours.weight) / at.ours.eigenvalue  # Rayleigh's quotient
     return np.asarray(np.arcsinh(-0.5 * work))
 
 

@@ -87,14 +87,9 @@ def _dashpot(structure: Structure, at: Vector) -> Candidates:
 DAMPING_KINDS = (
     DampingKind(name="more_loss", label="more damping of all modes alike", sign=1.0),
     DampingKind(name="less_loss", label="less damping of all modes alike", sign=-1.0),
+    DampingKind(name="contact_damping", label="more damping of the contact all over", candidates=_contact, sign=1.0),
     DampingKind(
-        name="contact_damping", label="more damping of the contact all over", candidates=_contact, sign=1.0
-    ),
-    DampingKind(
-        name="less_contact_damping",
-        label="less damping of the contact all over",
-        candidates=_contact,
-        sign=-1.0,
+        name="less_contact_damping", label="less damping of the contact all over", candidates=_contact, sign=-1.0
     ),
     DampingKind(
         name="damped_patch",
@@ -190,9 +185,7 @@ def _kind(
     value = _EFFECTS[None, :] / (size[:, None] if kind.absolute else np.ones_like(size)[:, None])
     order = np.argsort(value.ravel())
     passed = np.cumsum(share.ravel()[order])
-    lower, middle, upper = (
-        float(value.ravel()[order][np.searchsorted(passed, q)]) for q in (0.05, 0.5, 0.95)
-    )
+    lower, middle, upper = (float(value.ravel()[order][np.searchsorted(passed, q)]) for q in (0.05, 0.5, 0.95))
     nowhere = (float("nan"),) * 3
     mean, spread, best, part = nowhere, nowhere, nowhere, ""
     local = kind.local and bool(structure.axes)

@@ -153,9 +153,7 @@ def grid_of(system: ReducedSystem) -> Grid:
     (x0, x1), (y0, y1) = plan.bounds
     n = N_POINT if system.stack.n_lamina == 1 else N_POINT_STACK
     step = float(np.sqrt((x1 - x0) * (y1 - y0) / n))
-    x, y = (
-        np.linspace(low, high, max(9, round((high - low) / step) + 1)) for low, high in ((x0, x1), (y0, y1))
-    )
+    x, y = (np.linspace(low, high, max(9, round((high - low) / step) + 1)) for low, high in ((x0, x1), (y0, y1)))
     inside = np.ones((x.size, y.size), dtype=bool)
     if system.stack.outline is not None:
         place = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -164,9 +162,7 @@ def grid_of(system: ReducedSystem) -> Grid:
     return Grid(x=x, y=y, inside=inside)
 
 
-def kept(
-    method: Callable[Concatenate[Fields, Layer, P], Vector],
-) -> Callable[Concatenate[Fields, Layer, P], Vector]:
+def kept(method: Callable[Concatenate[Fields, Layer, P], Vector]) -> Callable[Concatenate[Fields, Layer, P], Vector]:
     """Return a method whose rows are computed once for each layer: kinds share them, and so what they do to errors."""
 
     def found(self: Fields, layer: Layer, /, *args: P.args, **kwargs: P.kwargs) -> Vector:
@@ -224,9 +220,7 @@ class Fields:
             for f in FIELDS
         }
         self.kept: dict[tuple[object, ...], Vector] = {}
-        self.shared: dict[
-            tuple[object, ...], Any
-        ] = {}  # what several kinds of change need at the same locations
+        self.shared: dict[tuple[object, ...], Any] = {}  # what several kinds of change need at the same locations
         self._rows: dict[tuple[Field, Derivative], Vector] = {}
 
     @cached_property
@@ -294,9 +288,7 @@ class Fields:
         if key not in self.shared:
             which, share = self.grid.shares(at)
             row = np.broadcast_to(np.arange(len(at))[:, None], which.shape)
-            weight = sp.coo_array(
-                (share.ravel(), (row.ravel(), which.ravel())), shape=(len(at), len(self.grid.point))
-            )
+            weight = sp.coo_array((share.ravel(), (row.ravel(), which.ravel())), shape=(len(at), len(self.grid.point)))
             self.shared[key] = weight.tocsr()
         place = np.column_stack([at, np.zeros(len(at))])
         return Tied(place=place, rows=rows, weight=self.shared[key], part=np.full(len(at), -1, dtype=np.intp))
@@ -377,9 +369,7 @@ class Fields:
         fields = list(dict.fromkeys(f for f, _ in what))
         over_z = dict(
             zip(
-                fields,
-                self._compressed([(f, layer.lamina[:, None] * self.system.phi[f]) for f in fields]),
-                strict=True,
+                fields, self._compressed([(f, layer.lamina[:, None] * self.system.phi[f]) for f in fields]), strict=True
             )
         )
         return [np.einsum("rf,pfm->prm", over_z[f], self.at(f, d), optimize=True) for f, d in what]
@@ -466,9 +456,7 @@ class Fields:
 
         def normal(x: Vector, y: Vector, xy: Vector) -> Vector:
             """Stress resultant across the line of strains, the shear as an engineering strain."""
-            return np.asarray(
-                c * c * (q11 * x + q12 * y) + s * s * (q12 * x + q22 * y) + 2.0 * c * s * q66 * xy
-            )
+            return np.asarray(c * c * (q11 * x + q12 * y) + s * s * (q12 * x + q22 * y) + 2.0 * c * s * q66 * xy)
 
         wxx, wyy, wxy = self.lamina(layer, [("w", "xx"), ("w", "yy"), ("w", "xy")])
         rows = [normal(wxx, wyy, 2.0 * wxy) * np.sqrt(t**3 / 12.0 / stiff)]
@@ -531,9 +519,7 @@ class Fields:
             + np.einsum("rf,pfm->prm", z_w, self.at("w", d), optimize=True)
             for z, f, d in directions
         ]
-        (z_n,) = self._compressed(
-            [("w", np.sqrt(normal[0] * layer.interface / spacing)[:, None] * (jump @ phi["w"]))]
-        )
+        (z_n,) = self._compressed([("w", np.sqrt(normal[0] * layer.interface / spacing)[:, None] * (jump @ phi["w"]))])
         opening = np.einsum("rf,pfm->prm", z_n, self.at("w"), optimize=True)
         return (
             np.concatenate(slip, axis=1) * np.sqrt(shear[1])[:, None, None],
@@ -553,9 +539,7 @@ class Fields:
         found = []
         for value, factor in ((p, self.theta["G_f"]), (normal, self.theta.get("normal_modulus", 1.0))):
             touching = value * factor * stack.touching[:, None]
-            over_plan = np.broadcast_to(
-                touching.mean(axis=0) / max(float(touching.mean()), 1e-300), (len(point),)
-            )
+            over_plan = np.broadcast_to(touching.mean(axis=0) / max(float(touching.mean()), 1e-300), (len(point),))
             found.append((touching.mean(axis=1), np.asarray(over_plan)))
         return found[0], found[1]
 
@@ -568,7 +552,4 @@ def as_rows(matrix: Vector) -> Vector:
 
 def _times(matrix: Vector, rows: Sequence[Vector]) -> list[Vector]:
     """Return combinations of rows."""
-    return [
-        np.asarray(sum(share * row for share, row in zip(line, rows, strict=True) if share))
-        for line in matrix
-    ]
+    return [np.asarray(sum(share * row for share, row in zip(line, rows, strict=True) if share)) for line in matrix]

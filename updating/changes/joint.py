@@ -88,9 +88,7 @@ def joint_errors(states: Sequence[State], modals: Sequence[Modal]) -> Joint:
     """
     modals = [_at_rest(modal) for modal in modals]
     noise = [shape_noise(state, modal) for state, modal in zip(states, modals, strict=True)]
-    errors = tuple(
-        equation_errors(state, modal, n, 1) for state, modal, n in zip(states, modals, noise, strict=True)
-    )
+    errors = tuple(equation_errors(state, modal, n, 1) for state, modal, n in zip(states, modals, noise, strict=True))
     n_state = len(states)
     problem = joined(errors, np.ones((n_state, n_state)))
     own = joined(errors, np.eye(n_state)).discrepancy
@@ -194,9 +192,7 @@ def _noise(
         m = gap.shape[1]
         whole[:, np.arange(m), np.arange(m)] -= on_frequency[:, None] * own.weight**2
         covariance = whole / gap[:, :, None] / gap[:, None, :]
-        towards = (
-            covariance @ modal.rows.T / n[:, None, None] ** 2
-        )  # (n, m, n_dof), but for the shape's length
+        towards = covariance @ modal.rows.T / n[:, None, None] ** 2  # (n, m, n_dof), but for the shape's length
         raw = np.einsum("rmi,ir->rm", towards, state.shape)
         length = np.linalg.norm(own.value / gap, axis=1) / np.maximum(np.linalg.norm(raw, axis=1), 1e-300)
         towards = towards * (length[:, None, None] * gap[:, :, None])  # from a shape to equation errors

@@ -69,12 +69,7 @@ class Nodes:
     ends: tuple[str, ...] = ()
 
     def __init__(
-        self,
-        near: MatricesNear,
-        x: Vector,
-        shape: Vector,
-        band: tuple[float, float],
-        further: Vector | None = None,
+        self, near: MatricesNear, x: Vector, shape: Vector, band: tuple[float, float], further: Vector | None = None
     ) -> None:
         self.near, self.x, self.shape, self.band = near, x, shape, band
         self.whole, own = near.reduced.structure, self._lifted(shape)
@@ -200,9 +195,7 @@ class Nodes:
     def tied(self, at: Vector) -> Tied:
         """Return what a mass moves with: a node, in all ways."""
         node, rows = self._rows(at)
-        return Tied(
-            place=self.location[node], rows=rows, weight=sp.identity(len(at), format="csr"), part=node
-        )
+        return Tied(place=self.location[node], rows=rows, weight=sp.identity(len(at), format="csr"), part=node)
 
     def pulled(self, at: Vector) -> Tied:
         """Return what a spring along x, y or z pulls at; numbers of nodes go on for each direction."""

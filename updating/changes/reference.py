@@ -121,9 +121,7 @@ class StackReference:
         known = [(self.tested[0][2], before.observation[0])]
         for _, _, own in (*self.tested[1:], *changed):
             same = (points for modes, points in known if _at_same_points(modes, own))
-            known.append(
-                (own, next(same, None) or register(stack, own.geometry, own.node, own.direction).observation)
-            )
+            known.append((own, next(same, None) or register(stack, own.geometry, own.node, own.direction).observation))
         observation = [points for _, points in known]
         model = before.of_tests(every, observation)
         x, first = self.fit.x, len(self.tested)
@@ -236,9 +234,7 @@ def fit_reference(
         evidence.effects,
         start=evidence.start["G_f"],
     )
-    common, fit = begin(
-        model, shares=SHARES, starts=[start_of(model, evidence)], priors=priors_of(evidence.scatter)
-    )
+    common, fit = begin(model, shares=SHARES, starts=[start_of(model, evidence)], priors=priors_of(evidence.scatter))
     for one in extended(model, common, fit)[:1] if model.effects else ():
         own = explain(model, [model.terms[name] for name in one.terms], common, one.x)
         fit = own if own.log_evidence > fit.log_evidence else fit

@@ -48,9 +48,7 @@ _LEAST = 0.05  # of its stiffness that a direction keeps
 
 _NOTHING = 1e-6  # of the largest answer: smaller ones are none
 
-_FARTHEST = (
-    3.0  # standard deviation of a modal coordinate beside a shape of unit length, whatever equations say
-)
+_FARTHEST = 3.0  # standard deviation of a modal coordinate beside a shape of unit length, whatever equations say
 
 
 class Condensed:
@@ -120,9 +118,7 @@ class Condensed:
         mu, turn = la.eigh(flexible @ flexible.T - (beyond * (answer - 1.0)) @ beyond.T)
         return mu, turn.T @ within, (answer[:, None] * beyond.T) @ turn
 
-    def _around(
-        self, kind: Kind, candidates: Candidates, i: int
-    ) -> tuple[Structure, Vector, Vector, list[Vector]]:
+    def _around(self, kind: Kind, candidates: Candidates, i: int) -> tuple[Structure, Vector, Vector, list[Vector]]:
         """Return the structure with its answers after the modes, stiffness and mass of these, and what is seen of them.
 
         That is nothing where only the reduced basis answers, as of a thick stack: coordinates of modes that sensors
@@ -390,9 +386,7 @@ def _log_likelihood(moved: Vector, problem: tuple[Vector, Vector]) -> tuple[Vect
         Errors without a change and the lower Cholesky factor of their covariance.
     """
     error, root = problem
-    white = la.solve_triangular(
-        root, np.column_stack([error, (error + moved).T]), lower=True, check_finite=False
-    )
+    white = la.solve_triangular(root, np.column_stack([error, (error + moved).T]), lower=True, check_finite=False)
     misfit = np.sum(white**2, axis=0)
     return 0.5 * (misfit[0] - misfit[1:]), float(max(misfit[0] - misfit[1:].min(), 0.0))
 

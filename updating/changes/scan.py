@@ -89,9 +89,7 @@ class Actions:
 
     def effect(self, action: Vector) -> Vector:
         """Return the root mean square relative change of eigenvalues by an amplitude of 1, (n_candidate,)."""
-        return np.asarray(
-            np.sqrt(np.mean(np.einsum("cnm,nm->cn", action, self.measured.weight) ** 2, axis=1))
-        )
+        return np.asarray(np.sqrt(np.mean(np.einsum("cnm,nm->cn", action, self.measured.weight) ** 2, axis=1)))
 
 
 def apparent(eigenvalue: Vector, resonance: Vector, *, least: float = 0.03) -> Vector:
@@ -124,12 +122,7 @@ class Weighed:
 
 
 def weigh(
-    action: Vector,
-    effect: Vector,
-    upper: float,
-    error: Vector,
-    root: Vector,
-    effects: Vector = EFFECTS,
+    action: Vector, effect: Vector, upper: float, error: Vector, root: Vector, effects: Vector = EFFECTS
 ) -> Weighed:
     """Weigh candidates.
 
@@ -178,13 +171,8 @@ def weigh(
 def _log_within(mean: Vector, std: Vector, upper: float) -> Vector:
     """Return the logarithm of the probability that a normal variable lies between 0 and an upper end."""
     a, b = -mean / std, (upper - mean) / std
-    beyond = (
-        a > 0.0
-    )  # both ends in the upper tail: there the lower one of the mirrored variable loses nothing
-    high, low = (
-        scipy.special.log_ndtr(np.where(beyond, -a, b)),
-        scipy.special.log_ndtr(np.where(beyond, -b, a)),
-    )
+    beyond = a > 0.0  # both ends in the upper tail: there the lower one of the mirrored variable loses nothing
+    high, low = (scipy.special.log_ndtr(np.where(beyond, -a, b)), scipy.special.log_ndtr(np.where(beyond, -b, a)))
     return np.asarray(high + np.log1p(-np.exp(np.minimum(low - high, -1e-15))))
 
 
@@ -203,9 +191,7 @@ def _truncated(mean: Vector, std: Vector, upper: float) -> tuple[Vector, Vector]
     return np.clip(mean + std * first, 0.0, upper), std * np.sqrt(np.clip(second, 1e-6, None))
 
 
-def conditional(
-    error: Vector, covariance: Vector, changed: NDArray[np.bool_]
-) -> tuple[Vector, Vector, float]:
+def conditional(error: Vector, covariance: Vector, changed: NDArray[np.bool_]) -> tuple[Vector, Vector, float]:
     """Return the errors of the changed state less what the reference makes of them, and their covariance then.
 
     Last comes the logarithm of the likelihood of the reference's errors.

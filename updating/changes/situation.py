@@ -179,15 +179,10 @@ def _known(
         own = joint.errors[c]
         alike = [np.abs(own.weight @ other.weight.T) for other in joint.errors[:n_reference]]
         near = np.abs(own.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < NEARBY
-        taken = (
-            np.max([np.abs(other.weight).max(axis=0) for other in joint.errors[:n_reference]], axis=0) > SAME
-        )
+        taken = np.max([np.abs(other.weight).max(axis=0) for other in joint.errors[:n_reference]], axis=0) > SAME
         unseen = np.any(near & (_motion(modals[c]) >= still) & ~taken, axis=1)
         keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
-        keep |= (
-            np.max([_within(own.weight, other.weight) for other in joint.errors[:n_reference]], axis=0)
-            > REACHED
-        )
+        keep |= np.max([_within(own.weight, other.weight) for other in joint.errors[:n_reference]], axis=0) > REACHED
         for r in np.flatnonzero(keep & unseen):
             keep[r] = any(r in _pairs(one)[0] for one in alike)
         if not keep.all():
@@ -223,9 +218,7 @@ def _distinct(state: State, modal: Modal) -> tuple[State, Modal]:
     a = a / np.maximum(np.linalg.norm(a, axis=0), 1e-300)
     kept: list[int] = []
     for r in np.argsort(rest).tolist():
-        near = np.array(
-            [abs(np.log(state.frequency[r] / state.frequency[k])) < 0.02 for k in kept], dtype=bool
-        )
+        near = np.array([abs(np.log(state.frequency[r] / state.frequency[k])) < 0.02 for k in kept], dtype=bool)
         twin = np.abs(a[:, kept].T @ a[:, r]) > TWIN if kept else np.zeros(0, dtype=bool)
         if rest[r] < 1.0 - REACHED and not np.any(twin & near):
             kept.append(r)

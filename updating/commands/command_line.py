@@ -24,23 +24,17 @@ from updating.commands.terminal import ERR, OUT, literal, print_what_can_be
 from updating.errors import LAMELLA_ERRORS, StoreError
 
 Folder = Annotated[
-    Path,
-    typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; made if it is not there."),
+    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results; made if it is not there.")
 ]
 
 SharedEffects = Annotated[
     list[str] | None,
     typer.Option(
-        "--effect",
-        metavar="NAME",
-        help="Physical effect to fit; may be given several times.",
-        show_default=False,
+        "--effect", metavar="NAME", help="Physical effect to fit; may be given several times.", show_default=False
     ),
 ]
 
-ResultsFolder = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)
-]
+ResultsFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder with results.", show_default=False)]
 
 
 def _there(path: Path) -> Path:
@@ -51,8 +45,7 @@ def _there(path: Path) -> Path:
 
 
 CampaignFile = Annotated[
-    Path,
-    typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False, callback=_there),
+    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False, callback=_there)
 ]
 
 EffectFiles = Annotated[
@@ -134,9 +127,7 @@ def _options(
 
 @app.command(epilog="Example: lamella new my_test")
 def new(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Folder with measurements.", show_default=False)
-    ],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with measurements.", show_default=False)],
 ) -> None:
     """Look at the files in a folder and write a first campaign file there, campaign.toml.
 
@@ -155,9 +146,7 @@ def ema(
     output: Folder,
     poles: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of results whose edited poles.txt files are used from now on."
-        ),
+        typer.Option(metavar="DIR", help="Folder of results whose edited poles.txt files are used from now on."),
     ] = None,
     cluster: Cluster = None,
     keep: Keep = False,
@@ -178,8 +167,7 @@ def ema(
 def pick(
     campaign: CampaignFile,
     configuration: Annotated[
-        str,
-        typer.Argument(metavar="CONFIGURATION", help="Its name in the campaign file.", show_default=False),
+        str, typer.Argument(metavar="CONFIGURATION", help="Its name in the campaign file.", show_default=False)
     ],
     output: Folder,
 ) -> None:
@@ -201,9 +189,7 @@ def model(
         ),
     ],
     output: Folder,
-    modes: Annotated[
-        int, typer.Option("--modes", "-n", min=1, max=200, help="Number of elastic modes.")
-    ] = 10,
+    modes: Annotated[int, typer.Option("--modes", "-n", min=1, max=200, help="Number of elastic modes.")] = 10,
     tolerance: Annotated[
         float, typer.Option(min=1e-7, max=1e-2, help="Relative error that a frequency may have.")
     ] = 1e-4,
@@ -227,13 +213,9 @@ def model(
     commands.model_command(stack, output, modes, tolerance, effect or (), effect_file or ())
 
 
-@app.command(
-    epilog="Example: lamella effects clamp_inertia --stack data/demo_stack/stack.toml -o out/effects"
-)
+@app.command(epilog="Example: lamella effects clamp_inertia --stack data/demo_stack/stack.toml -o out/effects")
 def effects(
-    name: Annotated[
-        str | None, typer.Argument(metavar="EFFECT", help="Effect to explain.", show_default=False)
-    ] = None,
+    name: Annotated[str | None, typer.Argument(metavar="EFFECT", help="Effect to explain.", show_default=False)] = None,
     stack: Annotated[
         Path | None, typer.Option(metavar="STACK", help="Stack file (TOML) on which the effect is tried.")
     ] = None,
@@ -262,9 +244,7 @@ def effects(
 def fit(
     campaign: CampaignFile,
     output: Folder,
-    threshold: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Smallest MAC that makes a pair of modes.")
-    ] = 0.8,
+    threshold: Annotated[float, typer.Option(min=0.0, max=1.0, help="Smallest MAC that makes a pair of modes.")] = 0.8,
     effect: SharedEffects = None,
     effect_file: EffectFiles = None,
     scatter: ScatterFile = None,
@@ -291,8 +271,7 @@ def fit(
 @app.command(epilog="Example: lamella update data/demo_stack/update.toml -o out/update")
 def update(
     specification: Annotated[
-        Path,
-        typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False, callback=_there),
+        Path, typer.Argument(metavar="SPEC", help="Updating file (TOML).", show_default=False, callback=_there)
     ],
     output: Folder,
     effect_file: EffectFiles = None,
@@ -339,9 +318,7 @@ def diagnose(
     )  # fmt: skip
 
 
-@app.command(
-    "next-test", epilog="Example: lamella next-test data/hidden_effect/open/campaign.toml -o out/open"
-)
+@app.command("next-test", epilog="Example: lamella next-test data/hidden_effect/open/campaign.toml -o out/open")
 def next_test(
     campaign: CampaignFile,
     output: Folder,
@@ -362,12 +339,8 @@ def report(
     pdf: Annotated[
         bool, typer.Option("--pdf", help="Print report.pdf too, by an installed Chromium, Chrome or Edge.")
     ] = False,
-    pptx: Annotated[
-        bool, typer.Option("--pptx", help="Write the main pages as slides, report.pptx, too.")
-    ] = False,
-    gif: Annotated[
-        bool, typer.Option("--gif", help="Write every mode shape as a GIF that moves, too.")
-    ] = False,
+    pptx: Annotated[bool, typer.Option("--pptx", help="Write the main pages as slides, report.pptx, too.")] = False,
+    gif: Annotated[bool, typer.Option("--gif", help="Write every mode shape as a GIF that moves, too.")] = False,
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -389,10 +362,7 @@ def report(
 @app.command("open", epilog="Example: lamella open out/demo")
 def open_(
     path: Annotated[
-        Path,
-        typer.Argument(
-            metavar="PATH", help="Folder of results, campaign file, or folder with a campaign.toml."
-        ),
+        Path, typer.Argument(metavar="PATH", help="Folder of results, campaign file, or folder with a campaign.toml.")
     ] = Path(),
     output: Annotated[
         Path | None,
@@ -422,8 +392,7 @@ def open_(
 def view(
     folder: ResultsFolder,
     configuration: Annotated[
-        str | None,
-        typer.Argument(metavar="CONFIGURATION", help="Its name; the first by default.", show_default=False),
+        str | None, typer.Argument(metavar="CONFIGURATION", help="Its name; the first by default.", show_default=False)
     ] = None,
 ) -> None:
     """Show mode shapes and stabilisation chart of one configuration.
@@ -437,8 +406,7 @@ def view(
 @app.command(epilog="Example: lamella simulate data/demo_stack/virtual_test.toml -o data/demo_stack")
 def simulate(
     specification: Annotated[
-        Path,
-        typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False, callback=_there),
+        Path, typer.Argument(metavar="SPEC", help="Virtual test (TOML).", show_default=False, callback=_there)
     ],
     output: Folder,
     effect_file: EffectFiles = None,

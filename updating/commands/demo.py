@@ -48,11 +48,7 @@ def _installed(name: str) -> Path:
         listed = files("lamella") or []
     except PackageNotFoundError:
         listed = []
-    places = {
-        Path(str(file.locate())).resolve().parent
-        for file in listed
-        if f"{_FOLDER}/{name}/" in file.as_posix()
-    }
+    places = {Path(str(file.locate())).resolve().parent for file in listed if f"{_FOLDER}/{name}/" in file.as_posix()}
     top = min(places, key=lambda place: len(place.parts), default=None)
     if top is None or not top.is_dir():
         raise StoreError(
@@ -70,14 +66,8 @@ def demo_command(output: Path) -> None:
         "A vibration test of a bolted stack of 240 sheets at two torques: a shaker, two accelerometers that rove over "
         "44 points. It was simulated with noise and tolerances by a model that shares nothing with this one."
     )
-    done = [
-        outcome
-        for outcome in fit_campaign(campaign, output, LEAST_MAC, OUT)
-        if not isinstance(outcome, Failed)
-    ]
-    modes = " and ".join(
-        f"{result.modal_model.frequency.size} at {result.modal_model.name}" for result, _ in done
-    )
+    done = [outcome for outcome in fit_campaign(campaign, output, LEAST_MAC, OUT) if not isinstance(outcome, Failed)]
+    modes = " and ".join(f"{result.modal_model.frequency.size} at {result.modal_model.name}" for result, _ in done)
     errors = " and ".join(f"{percent(fitted.error)} at {fitted.name}" for _, fitted in done)
     OUT.print(f"1. Identify: {modes} are the modes that the functions show.")
     OUT.print(f"2. Fit G_f and d_f: the model's frequencies are then off by {errors} in the mean.")
@@ -102,14 +92,7 @@ def demo_command(output: Path) -> None:
 def _mode_by_mode(answer: Diagnosis) -> Table:
     """Return the errors of all modes before and after."""
     rows = [
-        (
-            f"{m.configuration}, {m.mode}",
-            f"{m.frequency:.2f}",
-            f"{100 * m.base:+.2f}",
-            f"{100 * m.explained:+.2f}",
-        )
+        (f"{m.configuration}, {m.mode}", f"{m.frequency:.2f}", f"{100 * m.base:+.2f}", f"{100 * m.explained:+.2f}")
         for m in answer.errors
     ]
-    return table_of(
-        "Frequency errors of the model", ("mode", "measured [Hz]", "without [%]", "with [%]"), rows
-    )
+    return table_of("Frequency errors of the model", ("mode", "measured [Hz]", "without [%]", "with [%]"), rows)

@@ -111,9 +111,7 @@ def diagnose_changes(
 class _Models:
     """The model of a campaign's structure, and its fits to references, each made at its first use."""
 
-    def __init__(
-        self, campaign: Campaign, tests: Sequence[Identified], scatter: DiagnosisScatter | None
-    ) -> None:
+    def __init__(self, campaign: Campaign, tests: Sequence[Identified], scatter: DiagnosisScatter | None) -> None:
         self.campaign, self.scatter = campaign, scatter
         self.tested = {test.configuration.name: test for test in tests}
         file = model_file(campaign, "what changed")
@@ -161,9 +159,7 @@ class _Models:
         heights = {stack_in_state(stack, self.tested[n].configuration).height for n in names}
         if len(heights) > 1:
             listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
-            raise FitError(
-                f"it and its reference are {listed} mm high; what changed is asked of one structure"
-            )
+            raise FitError(f"it and its reference are {listed} mm high; what changed is asked of one structure")
         return replace(stack, height=heights.pop())
 
     def _fitted_stack(self, stack: Stack, reference: Sequence[Campaigned]) -> FittedReference:
@@ -200,9 +196,7 @@ def diagnose_command(
         diagnose_changes(campaign, output, OUT, scatter_file=scatter, cluster=cluster, keep=keep)
         print_results(OUT, output)
         return
-    diagnosis = diagnose_campaign(
-        campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster, keep=keep
-    )
+    diagnosis = diagnose_campaign(campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster, keep=keep)
     print_lines(OUT, diagnosis.sentences, indent="")
     OUT.print(diagnosis_table(diagnosis))
     print_measurement_findings(campaign, output, keep=keep)
@@ -241,9 +235,7 @@ def diagnose_campaign(
     heights = {state.height for state in states}
     if len(heights) > 1:
         listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
-        raise FitError(
-            f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each"
-        )
+        raise FitError(f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each")
     assigned = [
         assignment
         for assignment in assignments(campaign, output, keep=keep)
@@ -268,9 +260,7 @@ def diagnose_campaign(
             )
 
     modal = [test.folder / "modal_model.json" for test in tests]
-    modal += [
-        test.folder / AMPLITUDE for test, amplitude in zip(tests, over, strict=True) if amplitude is not None
-    ]
+    modal += [test.folder / AMPLITUDE for test, amplitude in zip(tests, over, strict=True) if amplitude is not None]
     stated = () if scatter_file is None else (scatter_file,)
     inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
     path = output / "diagnosis.json"
@@ -304,12 +294,7 @@ def _diagnose_matrices(
 
 
 def _kept(
-    path: Path,
-    make: Callable[[], Diagnosis],
-    inputs: tuple[Path, ...],
-    asked: Sequence[Sequence[str]],
-    *,
-    keep: bool,
+    path: Path, make: Callable[[], Diagnosis], inputs: tuple[Path, ...], asked: Sequence[Sequence[str]], *, keep: bool
 ) -> Diagnosis:
     """Return the diagnosis that an earlier run left, or make it where there is none or it lacks what is asked for."""
     diagnosis = kept(path, Diagnosis, make, inputs=inputs, options={}, keep=keep)
@@ -345,9 +330,7 @@ def by_level(
         if amplitude is None:
             tested.append((test.configuration.name, pressure, test.modal_model))
             continue
-        by_force = zip(
-            amplitude.dependence.level, amplitude.level, amplitude.rms_motion, amplitude.motion, strict=True
-        )
+        by_force = zip(amplitude.dependence.level, amplitude.level, amplitude.rms_motion, amplitude.motion, strict=True)
         for name, modes, rms, motion in by_force:
             tested.append((name, pressure, modes))
             levels[name] = AtLevel(state=test.configuration.name, rms_motion=rms, motion=motion)
@@ -379,12 +362,7 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
 
 @single_threaded
 def next_test_command(
-    campaign: Path,
-    output: Path,
-    effect_file: Sequence[Path],
-    scatter: Path | None,
-    *,
-    identify_anew: bool,
+    campaign: Path, output: Path, effect_file: Sequence[Path], scatter: Path | None, *, identify_anew: bool
 ) -> None:
     """Print further tests, those first that separate best what a diagnosis leaves open."""
     if identify_anew:

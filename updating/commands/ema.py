@@ -60,13 +60,7 @@ from updating.workers.workers import in_parallel
 
 @single_threaded
 def ema_command(
-    campaign: Path,
-    output: Path,
-    poles: Path | None,
-    cluster: str | None,
-    *,
-    keep: bool,
-    identify_anew: bool,
+    campaign: Path, output: Path, poles: Path | None, cluster: str | None, *, keep: bool, identify_anew: bool
 ) -> None:
     """Identify every configuration of a campaign, and print modes, comparison and findings."""
     if identify_anew:
@@ -161,9 +155,7 @@ def _write_functions(folder: Path, modes: ModalModel, *, keep_poles: bool) -> No
     """Write what is made of functions with their modes."""
     frf = read_frf(folder / "measurement.npz")
     write_bytes(folder / "frf.png", as_png(frf_figure(frf, modes)))
-    write_bytes(
-        folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band))))
-    )
+    write_bytes(folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band)))))
     write_modes_uff(folder / "modes.uff", modes, step=float(frf.frequency[1] - frf.frequency[0]))
     if not keep_poles or not (folder / "poles.txt").exists():
         write_poles(folder / "poles.txt", modes.pole)
@@ -174,9 +166,7 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
 
     Where a shape is too complex to be compared as real, a column has the MPC of all.
     """
-    title = (
-        f"{measured.name}: {measured.frequency.size} modes in {measured.band[0]:g} to {measured.band[1]:g} Hz"
-    )
+    title = f"{measured.name}: {measured.frequency.size} modes in {measured.band[0]:g} to {measured.band[1]:g} Hz"
     title += f", read from {Path(measured.read_from).name}" if measured.read_from else ""
     complexities = complexity(measured)
     columns = ["mode", "f [Hz]", "std [Hz]", "damping [%]", "std [%]"]
@@ -188,9 +178,7 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
     if not measured.read_from:
         columns += ["explained [%]", "least, channel"]
         shares = zip(explained.around, explained.share.T, strict=True)
-        rows = [
-            [*row, *_explained(*share, explained.channel)] for row, share in zip(rows, shares, strict=True)
-        ]
+        rows = [[*row, *_explained(*share, explained.channel)] for row, share in zip(rows, shares, strict=True)]
     if np.any(complexities.is_complex):
         columns.append("MPC")
         rows = [[*row, f"{mpc:.3f}"] for row, mpc in zip(rows, complexities.mpc, strict=True)]
@@ -223,10 +211,7 @@ def comparison_tables(comparison: Comparison, width: int) -> Iterator[Table]:
         rows = [
             [
                 name,
-                *(
-                    "-" if np.isnan(f) else f"{frequency_text(f, 1)}  {100 * x:.2f}"
-                    for f, x in zip(*row, strict=True)
-                ),
+                *("-" if np.isnan(f) else f"{frequency_text(f, 1)}  {100 * x:.2f}" for f, x in zip(*row, strict=True)),
             ]
             for name, *row in zip(comparison.name, frequency, damping, strict=True)
         ]
@@ -241,9 +226,7 @@ def print_amplitude(result: Identified) -> None:
         OUT.print(amplitude_table(over.dependence))
         print_lines(OUT, over.findings)
     elif result.configuration.force_levels:
-        OUT.print(
-            f"  {result.configuration.name}: with its own force_N, its modes over amplitude would be shown"
-        )
+        OUT.print(f"  {result.configuration.name}: with its own force_N, its modes over amplitude would be shown")
 
 
 def amplitude_table(dependence: AmplitudeDependence) -> Table:

@@ -199,9 +199,7 @@ def _by_height(fits: Sequence[tuple[Identified, Fit]], stack: Stack, heights: se
     return specimens
 
 
-def _together(
-    specimens: Sequence[Specimen], effects: Sequence[Effect], cluster: str | None
-) -> tuple[Entry, ...]:
+def _together(specimens: Sequence[Specimen], effects: Sequence[Effect], cluster: str | None) -> tuple[Entry, ...]:
     """Return the ledger of effects that specimens share."""
     from updating.diagnosis.cached_model import cached_model
     from updating.diagnosis.candidates import MESSAGES

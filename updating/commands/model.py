@@ -53,9 +53,7 @@ _WIDTH = 98
 
 
 @single_threaded
-def effects_command(
-    name: str | None, stack: Path | None, output: Path | None, effect_file: Sequence[Path]
-) -> bool:
+def effects_command(name: str | None, stack: Path | None, output: Path | None, effect_file: Sequence[Path]) -> bool:
     """List effects or explain one; return whether that has no fault."""
     if name is None:
         OUT.print(*effect_tables(catalogue(effect_file)))
@@ -89,9 +87,7 @@ def effect_tables(known: dict[str, Effect]) -> tuple[Table, ...]:
         table.add_column("what it is", ratio=1)
         table.add_column("parameter, range and unit", ratio=1)
         for effect in members:
-            table.add_row(
-                effect.printed, effect.summary, "\n".join(f"{p.name} {_range(p)}" for p in effect.parameters)
-            )
+            table.add_row(effect.printed, effect.summary, "\n".join(f"{p.name} {_range(p)}" for p in effect.parameters))
         if members:
             tables.append(table)
     return tuple(tables)
@@ -124,11 +120,7 @@ def signature_table(signature: Signature) -> Table:
     """List what an effect does to the first modes at each pressure."""
     same_shape = 0.95  # cross-orthogonality of a mode with itself
     values = ", ".join(f"{name} = {value:g}" for name, value in signature.strength.items())
-    turned = [
-        name
-        for name, like in zip(signature.mode, signature.likeness.T, strict=True)
-        if like.min() < same_shape
-    ]
+    turned = [name for name, like in zip(signature.mode, signature.likeness.T, strict=True) if like.min() < same_shape]
     modes = zip(signature.mode, signature.base_frequency.T, strict=True)
     changes = (100.0 * signature.frequency_change, 100.0 * signature.damping_change)
     rows: list[list[str]] = []
@@ -139,9 +131,7 @@ def signature_table(signature: Signature) -> Table:
         f"What it does at {values}",
         ("pressure", "change of", *(f"{name}\n{f[0]:.0f} to {f[-1]:.0f} Hz" for name, f in modes)),
         rows,
-        f"The shape of {', '.join(turned)} changes: MAC in mass below {same_shape**2:.2g}."
-        if turned
-        else None,
+        f"The shape of {', '.join(turned)} changes: MAC in mass below {same_shape**2:.2g}." if turned else None,
         words=(1,),
     )
 
@@ -172,9 +162,7 @@ def _value(effect: Effect, text: str) -> tuple[str, float]:
     name, equals, number = (part.strip() for part in text.partition("="))
     parameters = {p.name: p for p in effect.parameters}
     if not equals:
-        raise EffectError(
-            f"effect {effect.name}: {text!r} must be parameter=value; it has {', '.join(parameters)}"
-        )
+        raise EffectError(f"effect {effect.name}: {text!r} must be parameter=value; it has {', '.join(parameters)}")
     if name not in parameters:
         close = difflib.get_close_matches(name, parameters, n=1)
         hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(parameters)}"
@@ -194,9 +182,7 @@ def _value(effect: Effect, text: str) -> tuple[str, float]:
     return name, value
 
 
-def identify_and_fit_matrices(
-    file: Path, threshold: float, assigned: Assignment
-) -> tuple[Identified, MatricesFit]:
+def identify_and_fit_matrices(file: Path, threshold: float, assigned: Assignment) -> tuple[Identified, MatricesFit]:
     """Identify a configuration and fit the stated terms of a structure to it; what an earlier run left is read back."""
     result = identified(assigned)
     inputs = (assigned.campaign.path, *matrices_inputs(file), result.folder / "modal_model.json")
@@ -250,8 +236,7 @@ def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
     """Put measured beside fitted modes, with the MAC before, and what was fitted below."""
     pairs = correlate(measured, fit.modes, fit.pairing)
     moved = [
-        f"{p.label} {quantity(p.value, p.unit)} ± {quantity(Z95 * p.std, p.unit, p.value)}"
-        f" (stated {p.stated:g})"
+        f"{p.label} {quantity(p.value, p.unit)} ± {quantity(Z95 * p.std, p.unit, p.value)} (stated {p.stated:g})"
         for p in fit.moved
         if not p.name.startswith("gain")
     ]
@@ -276,12 +261,7 @@ def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
 
 @single_threaded
 def model_command(
-    stack: Path,
-    output: Path,
-    modes: int,
-    tolerance: float,
-    effect: Sequence[str],
-    effect_file: Sequence[Path],
+    stack: Path, output: Path, modes: int, tolerance: float, effect: Sequence[str], effect_file: Sequence[Path]
 ) -> None:
     """Solve the model of a stack or of matrices, and print its modes."""
     if is_structure_file(stack):

@@ -18,9 +18,7 @@ from updating.results.store import write_bytes
 
 
 @single_threaded
-def report_command(
-    folder: Path, *, pdf: bool, pptx: bool, gif: bool, only: Sequence[str], keep: bool
-) -> None:
+def report_command(folder: Path, *, pdf: bool, pptx: bool, gif: bool, only: Sequence[str], keep: bool) -> None:
     """Make the report of a folder in the forms that are asked for, and say where they are."""
     with OUT.status("drawing"):
         from updating.report.files import find_browser, print_pdf, write_gifs, write_slides

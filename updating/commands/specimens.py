@@ -63,13 +63,7 @@ def diagnose_pooled(
     def make() -> PooledDiagnosis:
         with workers(MESSAGES, cluster) as executor, progress("fit" if asked else "diagnose", console):
             return diagnose_specimens(
-                campaign.name,
-                specimens,
-                effects,
-                asked=asked,
-                scatter=scatter,
-                executor=executor,
-                reduced=cached_model,
+                campaign.name, specimens, effects, asked=asked, scatter=scatter, executor=executor, reduced=cached_model
             )
 
     stated = () if scatter_file is None else (scatter_file,)

@@ -155,12 +155,7 @@ def read_update_file(path: Path) -> UpdateFile:
 
 @single_threaded
 def update_command(
-    specification: Path,
-    output: Path,
-    effect_file: Sequence[Path],
-    cluster: str | None,
-    *,
-    identify_anew: bool,
+    specification: Path, output: Path, effect_file: Sequence[Path], cluster: str | None, *, identify_anew: bool
 ) -> None:
     """Fit what an updating file says, and print parameters and ledger."""
     if identify_anew:
@@ -220,9 +215,7 @@ class _Tested:
 def parameter_table(fit: JointFit) -> Table:
     """Print the estimates with their intervals, and the errors before and after."""
     held_out = fit.error(held_out=True)
-    errors = (
-        f"mean frequency error {100 * fit.error(before=True):.2f} % before, {100 * fit.error():.2f} % after"
-    )
+    errors = f"mean frequency error {100 * fit.error(before=True):.2f} % before, {100 * fit.error():.2f} % after"
     if np.isfinite(held_out):
         errors += f", {100 * held_out:.2f} % on the modes held out"
     far = [moved_text(p) for p in fit.moved if abs(p.deviations or 0.0) > REPORTED]
@@ -236,18 +229,11 @@ def parameter_table(fit: JointFit) -> Table:
         )
         for p in fit.parameter
     ]  # fmt: skip
-    return table_of(
-        "Fitted together", ("parameter", "of", "value", "std", "95 %", ""), rows, errors, words=(0, 1, 5)
-    )
+    return table_of("Fitted together", ("parameter", "of", "value", "std", "95 %", ""), rows, errors, words=(0, 1, 5))
 
 
 def _tested(
-    path: Path,
-    section: CampaignSection,
-    given: UpdateFile,
-    output: Path,
-    console: Console,
-    cluster: str | None,
+    path: Path, section: CampaignSection, given: UpdateFile, output: Path, console: Console, cluster: str | None
 ) -> tuple[list[_Tested], list[Path]]:
     """Return the stacks of one campaign with what was identified, and the files that they come from."""
     file, several = path.parent / section.file, len(given.campaign) > 1
@@ -269,13 +255,9 @@ def _tested(
     stacks = []
     for height in heights:
         here = [i for i, state in enumerate(states) if state.height == height]
-        of_height, levels = by_level(
-            [states[i] for i in here], [tests[i] for i in here], [over[i] for i in here]
-        )
+        of_height, levels = by_level([states[i] for i in here], [tests[i] for i in here], [over[i] for i in here])
         specimen = Specimen(
-            name=specimen_name(name, height, heights),
-            stack=replace(stack, height=height),
-            tested=tuple(of_height),
+            name=specimen_name(name, height, heights), stack=replace(stack, height=height), tested=tuple(of_height)
         )
         labels = tuple(f"{name}/{label}" if several else label for label, _, _ in of_height)
         stacks.append(_Tested(specimen, labels, levels))

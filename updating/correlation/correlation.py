@@ -181,9 +181,7 @@ def correlate_points(measured: MeasuredModes, model: ModeSet, pairing: Pairing) 
         No modes are paired.
     """
     if pairing.measured.size == 0:
-        raise PairingError(
-            f"no modes are paired at a MAC of {pairing.threshold:g}, so there are no shapes to compare"
-        )
+        raise PairingError(f"no modes are paired at a MAC of {pairing.threshold:g}, so there are no shapes to compare")
     shape = np.asarray(measured.shape[:, pairing.measured], dtype=complex)
     other = np.array(model.shape[:, pairing.model], dtype=complex)
     for number in np.unique(pairing.subspace):
@@ -301,9 +299,7 @@ def fdac(measured: ArrayLike, model: ArrayLike) -> NDArray[np.float64]:
     return np.asarray((unit[0].conj().T @ unit[1]).real)
 
 
-def _functions(
-    measured: ArrayLike, model: ArrayLike
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _functions(measured: ArrayLike, model: ArrayLike) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     first, second = np.asarray(measured, dtype=complex), np.asarray(model, dtype=complex)
     if first.ndim != 3 or first.shape != second.shape:
         raise UpdatingError(

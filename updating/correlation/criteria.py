@@ -144,8 +144,7 @@ def macxp(a: ArrayLike, pole_a: ArrayLike, b: ArrayLike, pole_b: ArrayLike) -> N
     same = np.abs(first.conj().T @ second) / np.abs(pole_1.conj()[:, None] + pole_2)
     mirrored = np.abs(first.T @ second) / np.abs(pole_1[:, None] + pole_2)
     norm_1, norm_2 = (
-        np.sum(np.abs(s) ** 2, axis=0) / (2.0 * np.abs(p.real))
-        + np.abs(np.sum(s**2, axis=0)) / (2.0 * np.abs(p))
+        np.sum(np.abs(s) ** 2, axis=0) / (2.0 * np.abs(p.real)) + np.abs(np.sum(s**2, axis=0)) / (2.0 * np.abs(p))
         for s, p in ((first, pole_1), (second, pole_2))
     )
     return (same + mirrored) ** 2 / np.outer(norm_1, norm_2)
@@ -213,12 +212,7 @@ def shape_classes(modes: Modes) -> tuple[str, ...]:
 
 
 def solve_by_class(
-    system: ReducedSystem,
-    grid: Observation | Observed,
-    wanted: tuple[str, ...],
-    *,
-    G_f: float,
-    n_mode: int = 22,
+    system: ReducedSystem, grid: Observation | Observed, wanted: tuple[str, ...], *, G_f: float, n_mode: int = 22
 ) -> tuple[Modes, NDArray[np.int64]]:
     """Elastic modes of the model and the column of the lowest mode of each wanted class; -1 where there is none."""
     modes = solve_modes(system, G_f=G_f, d_f=0.0, n_mode=n_mode, observation=grid).elastic()

@@ -72,9 +72,7 @@ def regions(stack: Stack, n_x: int = 10, n_y: int = 2, n_z: int = 4) -> Regions:
     return Regions(x=x, y=y, z=z)
 
 
-def energy_by_region(
-    system: ReducedSystem, displacement: Vector, theta: Mapping[str, float], where: Regions
-) -> Vector:
+def energy_by_region(system: ReducedSystem, displacement: Vector, theta: Mapping[str, float], where: Regions) -> Vector:
     """Return x' K x by kind of stiffness, and x' M x, of every region.
 
     Energies are integrated at the quadrature points of every lamina and interface; a clamp's mass counts where its
@@ -121,10 +119,7 @@ class _Points:
         self.to_cell = np.zeros((cell.size, n_x * n_y))
         self.to_cell[np.arange(cell.size), cell] = 1.0
         z = system.stack.lamina_z
-        self.layer = {
-            z.size: _bin(z, where.z),
-            z.size - 1: _bin((z[1:] + z[:-1]) / 2.0, where.z),
-        }
+        self.layer = {z.size: _bin(z, where.z), z.size - 1: _bin((z[1:] + z[:-1]) / 2.0, where.z)}
 
     def field(self, x: Vector, field: Field, derivative: Derivative = "") -> Vector:
         """Return a field, or a derivative, at all points, (n_lamina, n_point)."""
@@ -158,9 +153,7 @@ def _contact_moduli(stack: Stack, location: Vector) -> tuple[Vector, Vector]:
     n = stack.n_lamina - 1
     distribution = pressure_distribution(stack)
     if distribution is None:
-        pressure, normal = (
-            np.full((n, 1), value) for value in (stack.contact.pressure, stack.contact.normal_modulus)
-        )
+        pressure, normal = (np.full((n, 1), value) for value in (stack.contact.pressure, stack.contact.normal_modulus))
     else:
         pressure, normal = (np.array(field) for field in distribution.at(location.T))
     shear = stack.contact.G_f * pressure
@@ -188,10 +181,7 @@ def _densities(points: _Points, x: Vector, shear: Vector, normal: Vector) -> dic
     curve_x, curve_y, twist = at("w", "xx"), at("w", "yy"), 2.0 * at("w", "xy")
     u, v, w = (at(field) for field in FIELDS)
     slope_x, slope_y = at("w", "x"), at("w", "y")
-    slip = [
-        np.diff(a, axis=0) / spacing + (slope[1:] + slope[:-1]) / 2.0
-        for a, slope in ((u, slope_x), (v, slope_y))
-    ]
+    slip = [np.diff(a, axis=0) / spacing + (slope[1:] + slope[:-1]) / 2.0 for a, slope in ((u, slope_x), (v, slope_y))]
 
     def plane(a: Vector, b: Vector, c: Vector) -> Vector:
         return np.asarray(q11 * a**2 + q22 * b**2 + 2.0 * q12 * a * b + q66 * c**2)
@@ -277,9 +267,7 @@ class ErrorMap:
         shapes = {"error": by_region, "strain": by_region, "explained": (n_kind,), "change": (n_kind,)}
         for field in fields(self):
             if field.name != "regions":
-                array = readonly(
-                    "ErrorMap", field.name, getattr(self, field.name), shapes.get(field.name, (n_mode,))
-                )
+                array = readonly("ErrorMap", field.name, getattr(self, field.name), shapes.get(field.name, (n_mode,)))
                 object.__setattr__(self, field.name, array)
 
     @property
@@ -315,9 +303,7 @@ class ErrorMap:
         """
         index = np.unravel_index(np.argmax(self.relative[stiffness_index(kind)]), self.regions.shape)
         edges = (self.regions.x, self.regions.y, self.regions.z)
-        low, high = (
-            np.array([edge[i + step] for edge, i in zip(edges, index, strict=True)]) for step in (0, 1)
-        )
+        low, high = (np.array([edge[i + step] for edge, i in zip(edges, index, strict=True)]) for step in (0, 1))
         return low, high
 
 
@@ -416,9 +402,7 @@ Matrices = dict[str, Vector]
 """Stiffness of each kind, of "other" terms, and the "mass", in the span of the solution."""
 
 
-def _span(
-    system: ReducedSystem, observation: Observation, theta: Mapping[str, float]
-) -> tuple[Vector, Vector]:
+def _span(system: ReducedSystem, observation: Observation, theta: Mapping[str, float]) -> tuple[Vector, Vector]:
     """Return a mass-orthonormal basis (assembly.size, n) of the solutions and the measured rows in it."""
     assembly, rows = system.assembly, observe(system, observation).rows
     mass = assembly.krons("M", theta)

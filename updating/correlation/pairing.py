@@ -65,9 +65,7 @@ class ModeSet(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-@arrays(
-    {"any any": "mac", "n": "measured model subspace subspace_mac", "any": "unpaired_measured unpaired_model"}
-)
+@arrays({"any any": "mac", "n": "measured model subspace subspace_mac", "any": "unpaired_measured unpaired_model"})
 class Pairing:
     """Which measured mode belongs to which mode of the model.
 
@@ -165,9 +163,7 @@ def _by_subspace(
 ) -> Pairing:
     """Return the pairs that stand alone or, where close modes are mixed, as parts of a common subspace."""
     value, threshold = scores.mac, scores.threshold
-    linked = _linked(
-        cluster_of(groups[0], value.shape[0])[row], cluster_of(groups[1], value.shape[1])[column]
-    )
+    linked = _linked(cluster_of(groups[0], value.shape[0])[row], cluster_of(groups[1], value.shape[1])[column])
     whole = np.zeros(row.size, dtype=bool)  # paired as part of a subspace
     common = np.zeros(row.size)
     for number in np.unique(linked):
@@ -177,9 +173,7 @@ def _by_subspace(
             among = (value + scores.bonus)[np.ix_(row[weak], column[weak])]
             column[weak] = column[weak][scipy.optimize.linear_sum_assignment(among, maximize=True)[1]]
             whole[inside] = True
-            common[inside] = _common_subspace(
-                measured.shape, model.shape, row[inside], column[inside], groups
-            )
+            common[inside] = _common_subspace(measured.shape, model.shape, row[inside], column[inside], groups)
     own = value[row, column]
     whole &= common >= threshold
     kept = whole | (own >= threshold)
@@ -222,16 +216,12 @@ def _assign(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return rows and columns of the assignment of the largest sum, without those below the threshold."""
     allowed = likeness >= threshold
-    row, column = scipy.optimize.linear_sum_assignment(
-        np.where(allowed, likeness + bonus, 0.0), maximize=True
-    )
+    row, column = scipy.optimize.linear_sum_assignment(np.where(allowed, likeness + bonus, 0.0), maximize=True)
     kept = allowed[row, column]
     return row[kept], column[kept]
 
 
-def _span_likeness(
-    measured: NDArray[np.inexact], model: NDArray[np.inexact], groups: Groups
-) -> NDArray[np.float64]:
+def _span_likeness(measured: NDArray[np.inexact], model: NDArray[np.inexact], groups: Groups) -> NDArray[np.float64]:
     """Return the MAC of every mode with the span of every cluster on the other side, (n_measured, n_model)."""
     likeness = np.zeros((measured.shape[1], model.shape[1]))
     for group in groups[1]:
@@ -266,9 +256,7 @@ def _linked(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.i
     n_first, n_second = int(first.max(initial=-1)) + 1, int(second.max(initial=-1)) + 1
     size = n_first + n_second
     graph = sp.coo_array((np.ones(first.size), (first, n_first + second)), shape=(size, size))
-    return np.asarray(
-        scipy.sparse.csgraph.connected_components(graph, directed=False)[1][first], dtype=np.int64
-    )
+    return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1][first], dtype=np.int64)
 
 
 def _tie_breaker(
@@ -279,9 +267,7 @@ def _tie_breaker(
     worst_condition = 20.0
     frequency_scatter = 0.1  # relative error of model frequencies beyond the error that all share
     shift_free = [
-        _without_common_factor(
-            np.log(_ratio(getattr(model, name), getattr(measured, name))), value, threshold
-        )
+        _without_common_factor(np.log(_ratio(getattr(model, name), getattr(measured, name))), value, threshold)
         for name in ("frequency", "damping")
     ]
     frequency = 1.0 / (1.0 + (shift_free[0] / frequency_scatter) ** 2)
@@ -382,9 +368,7 @@ def track(steps: Sequence[Modes], mass: ArrayLike, *, n_mode: int, close: float 
     return Track(column=column, frequency=frequency, cross_orthogonality=np.array(values))
 
 
-def _turned(
-    step: Modes, followed: NDArray[np.float64], mass: NDArray[np.float64], close: float
-) -> NDArray[np.float64]:
+def _turned(step: Modes, followed: NDArray[np.float64], mass: NDArray[np.float64], close: float) -> NDArray[np.float64]:
     """Return the modes of a step, each cluster turned onto the followed modes that lie most in its span."""
     turned = np.array(step.coordinate)
     for group in clusters(step.frequency, close):

@@ -39,9 +39,7 @@ LEAST_SCALE = 2.0
 """End of a flat map's colour scale over its mean, so that it looks flat."""
 
 
-def error_map_picture(
-    error_map: ErrorMap, stack: Stack, kind: str, *, size: tuple[int, int] = (1200, 460)
-) -> bytes:
+def error_map_picture(error_map: ErrorMap, stack: Stack, kind: str, *, size: tuple[int, int] = (1200, 460)) -> bytes:
     """Draw the error of one kind of stiffness on the stack, `ErrorMap.relative`, as a PNG.
 
     1 is the kind's mean over the stack, so a stack that is wrong everywhere alike is of one colour.
@@ -207,10 +205,7 @@ def overlay_figure(
     for k, o in enumerate(chosen):
         magnitude, phase = panels[n * k], panels[n * k + 1]
         _draw_magnitude(magnitude, lines, fitted, o)
-        for value, color, size in (
-            (lines.value[o, 0], palette.MEASURED, 1.8),
-            (fitted[o, 0], palette.MODES, 0.8),
-        ):
+        for value, color, size in ((lines.value[o, 0], palette.MEASURED, 1.8), (fitted[o, 0], palette.MODES, 0.8)):
             phase.plot(lines.frequency, _degrees(value), ".", color=color, markersize=size)
         title = f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}"
         if model is not None:
@@ -220,9 +215,7 @@ def overlay_figure(
             title += f"of the {name} {float(frac(lines.value[o, 0], model[k])):.4f}"
         phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
         if lines.coherence is not None:
-            panels[n * k + 2].plot(
-                lines.frequency, lines.coherence[o, 0], color=palette.MEASURED, linewidth=0.8
-            )
+            panels[n * k + 2].plot(lines.frequency, lines.coherence[o, 0], color=palette.MEASURED, linewidth=0.8)
             panels[n * k + 2].set(ylabel="coh. [1]", ylim=(0.0, 1.1), yticks=[0, 1])
         magnitude.set_title(title, fontsize="small", loc="left")
     lowest = panels[n - 1 :: n] if beside else panels[-1:]
@@ -237,13 +230,7 @@ def overlay_figure(
     figure.align_ylabels()
     for axes in lowest:
         axes.set_xlabel("frequency [Hz]")
-    figure.legend(
-        *panels[0].get_legend_handles_labels(),
-        loc="upper right",
-        ncols=4,
-        frameon=False,
-        fontsize="small",
-    )
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=4, frameon=False, fontsize="small")
     return figure
 
 
@@ -261,12 +248,7 @@ def within_band(frf: FRF, measured: ModalModel) -> FRF:
 def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], output: int) -> None:
     value, model = lines.value[output, 0], fitted[output, 0]
     axes.semilogy(
-        lines.frequency,
-        np.abs(value - model),
-        color=palette.LEFT,
-        linewidth=0.5,
-        alpha=0.6,
-        label="difference",
+        lines.frequency, np.abs(value - model), color=palette.LEFT, linewidth=0.5, alpha=0.6, label="difference"
     )
     axes.semilogy(lines.frequency, np.abs(value), color=palette.MEASURED, linewidth=1.8, label="measured")
     axes.semilogy(lines.frequency, np.abs(model), color=palette.MODES, linewidth=1.0, label="from the modes")
@@ -274,12 +256,7 @@ def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], outp
 
 
 def _draw_model(
-    magnitude: Axes,
-    phase: Axes,
-    frequency: NDArray[np.float64],
-    model: NDArray[np.complex128],
-    *,
-    found: bool,
+    magnitude: Axes, phase: Axes, frequency: NDArray[np.float64], model: NDArray[np.complex128], *, found: bool
 ) -> None:
     gaps = (0, (1.5, 3.5))  # through which the other curves are seen
     color, name = (palette.FOUND, "with what was identified") if found else (palette.BASE, "fitted model")

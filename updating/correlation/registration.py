@@ -79,9 +79,7 @@ def register(
             f"The stack spans ±{500 * stack.length:.1f} x ±{500 * stack.width:.1f} x ±{500 * stack.height:.1f} mm "
             "about its centre: check the unit and the origin of the points file."
         )
-    return Registration(
-        observation=Observation(node=node, location=sampled, direction=direction), distance=distance
-    )
+    return Registration(observation=Observation(node=node, location=sampled, direction=direction), distance=distance)
 
 
 def _span(node: NDArray[np.int64]) -> str:

@@ -143,9 +143,7 @@ def _scale(factor: float) -> list[str]:
     return found
 
 
-def check_rig(
-    system: ReducedSystem, pressure: float, measured: ModalModel, G_f_range: tuple[float, float]
-) -> RigCheck:
+def check_rig(system: ReducedSystem, pressure: float, measured: ModalModel, G_f_range: tuple[float, float]) -> RigCheck:
     """Put a measurement beside the model and say what contradicts it about force, scale and sensors.
 
     Parameters
@@ -194,9 +192,7 @@ def check_rig(
     own, (row, column) = _nearest(measured, gain, modes, n_dof)
     force = _force_place(measured, gain, own, (row, column), places) if n_place else None
     sensor, reads = _wrong(measured.sensor, gain, force)
-    return RigCheck(
-        name=measured.name, sensor=sensor, reads=reads, force=force, pressure=_no_pressure(stack, pressure)
-    )
+    return RigCheck(name=measured.name, sensor=sensor, reads=reads, force=force, pressure=_no_pressure(stack, pressure))
 
 
 def _no_pressure(stack: Stack, pressure: float) -> str:
@@ -323,11 +319,7 @@ def _distance(
 
 
 def _force_place(
-    measured: ModalModel,
-    gain: Vector,
-    modes: Modes,
-    pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
-    places: Vector,
+    measured: ModalModel, gain: Vector, modes: Modes, pairs: tuple[NDArray[np.intp], NDArray[np.intp]], places: Vector
 ) -> ForcePlace | None:
     """Return where the force acts as the modal constants of paired modes have it; None where they do not tell.
 

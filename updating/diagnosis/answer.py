@@ -251,13 +251,9 @@ class Ranked:
 def telling(base: Ranked, explanation: Ranked) -> Telling:
     """Return which errors tell what an explanation is worth: those of damping ratios, where frequencies hardly gain."""
     gain = 0.8  # frequency error over that of the base model, above which frequencies hardly gain
-    if explanation.frequency_error <= gain * base.frequency_error or not np.isfinite(
-        explanation.damping_error
-    ):
+    if explanation.frequency_error <= gain * base.frequency_error or not np.isfinite(explanation.damping_error):
         return "frequency"
-    gains = (
-        explanation.damping_error * base.frequency_error < explanation.frequency_error * base.damping_error
-    )
+    gains = explanation.damping_error * base.frequency_error < explanation.frequency_error * base.damping_error
     return "damping" if gains and explanation.damping_error < base.damping_error else "frequency"
 
 
@@ -265,9 +261,7 @@ def overstated_in(explanation: Ranked, effects: Mapping[str, Effect]) -> dict[st
     """Return what an explanation has of effects that say no more than that a file states too much, and their labels."""
     value = {p.name: p for p in explanation.parameter}
     labels = {}
-    for effect in (
-        effects[name] for name in explanation.effects if name in effects and effects[name].overstated
-    ):
+    for effect in (effects[name] for name in explanation.effects if name in effects and effects[name].overstated):
         neutral, estimate = effect.parameters[0].neutral, value[effect.parameters[0].name]
         if estimate.upper < neutral or (estimate.at_bound and estimate.value < neutral):
             labels[effect.name] = effect.overstated

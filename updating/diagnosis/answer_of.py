@@ -18,9 +18,7 @@ from updating.inference.search import Search
 _LOG = logging.getLogger(__name__)
 
 
-def answer_of(
-    model: Explained, search: Search, decision: Decision, asked: Sequence[Sequence[str]] = ()
-) -> Diagnosis:
+def answer_of(model: Explained, search: Search, decision: Decision, asked: Sequence[Sequence[str]] = ()) -> Diagnosis:
     """Return what is said of any model; what is of a stack alone, and the sentences, are left out.
 
     Parameters
@@ -73,9 +71,7 @@ def answer_of(
         ranking=ranking,
         errors=_errors(model, base, left),
         n_used={state.name: (state.frequency.size, state.frequency.size) for state in model.states},
-        signatures={
-            x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:most_shown]
-        },
+        signatures={x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:most_shown]},
         ruled_out=tuple(excluded),
         not_visible=tuple(name for name in not_visible(seen) if name not in shown),
         lacking=_lacking(model, first),

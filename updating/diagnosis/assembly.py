@@ -10,17 +10,7 @@ from numpy.typing import NDArray
 
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
-from model import (
-    Effect,
-    Modes,
-    Observation,
-    Observed,
-    ReducedEquations,
-    Stack,
-    contact_strain,
-    observe,
-    solve_modes,
-)
+from model import Effect, Modes, Observation, Observed, ReducedEquations, Stack, contact_strain, observe, solve_modes
 from updating.correlation.registration import register
 from updating.diagnosis.candidates import G_F_RANGE, N_MODEL, CandidateModel
 from updating.diagnosis.evidence import D_F_START, DiagnosisScatter, Tested, pair
@@ -120,9 +110,7 @@ def assemble_evidence(
 
 def _as_tested(given: Sequence[Campaigned], levels: Mapping[str, AtLevel]) -> tuple[Tested, ...]:
     states = {name: level.state for name, level in levels.items()}
-    return tuple(
-        Tested(name=name, pressure=p, modes=modes, state=states.get(name, "")) for name, p, modes in given
-    )
+    return tuple(Tested(name=name, pressure=p, modes=modes, state=states.get(name, "")) for name, p, modes in given)
 
 
 def _with_contact_strain(
@@ -140,9 +128,7 @@ def _with_contact_strain(
             continue
         base = _solved(candidates.system.equations, configuration, points, G_f)
         column = np.argmax(mac(configuration.modes.shape, base.shape), axis=1)
-        amplitude = levels[configuration.name].rms_motion / np.sqrt(
-            np.mean(base.shape[:, column] ** 2, axis=0)
-        )
+        amplitude = levels[configuration.name].rms_motion / np.sqrt(np.mean(base.shape[:, column] ** 2, axis=0))
         coordinate = np.zeros((candidates.system.size, column.size))
         coordinate[: len(base.coordinate)] = base.coordinate[:, column]
         shares = [strain_shares(contact, x) for x in coordinate.T]
@@ -174,10 +160,7 @@ def _nearest(equations: ReducedEquations, tested: Sequence[Tested], observed: Se
     FitError
         It has none of a configuration there.
     """
-    G_f = min(
-        np.geomspace(*G_F_RANGE, _TRIALS).tolist(),
-        key=lambda trial: _far(equations, tested, observed, trial)[0],
-    )
+    G_f = min(np.geomspace(*G_F_RANGE, _TRIALS).tolist(), key=lambda trial: _far(equations, tested, observed, trial)[0])
     n_used = _far(equations, tested, observed, G_f)[1]
     unlike = [configuration.name for configuration, n in zip(tested, n_used, strict=True) if not n]
     if unlike:
@@ -196,9 +179,7 @@ def _far(
     cost, used = 0.0, []
     for configuration, points in zip(tested, observed, strict=True):
         modes = _solved(equations, configuration, points, G_f)
-        row, column = pair(
-            configuration.modes.shape, configuration.modes.frequency, modes.shape, modes.frequency
-        )
+        row, column = pair(configuration.modes.shape, configuration.modes.frequency, modes.shape, modes.frequency)
         alike = mac(configuration.modes.shape, modes.shape)[row, column]
         far = np.log(configuration.modes.frequency[row] / modes.frequency[column])
         cost += float(np.sum(np.minimum((far / 0.2) ** 2, 1.0) + 1.0 - alike))

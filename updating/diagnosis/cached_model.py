@@ -24,18 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ema.io.files import whole
-from model import (
-    Assembly,
-    Effect,
-    Instruments,
-    Kron,
-    Mesh,
-    Monomial,
-    ReducedEquations,
-    ReducedSystem,
-    Stack,
-    Term,
-)
+from model import Assembly, Effect, Instruments, Kron, Mesh, Monomial, ReducedEquations, ReducedSystem, Stack, Term
 from model.contact.pressing import InterfaceLaw, PressureField
 from model.effects import parts
 from model.effects.catalogue import shipped
@@ -343,11 +332,7 @@ def _file(
     base = replace(stack, instruments=instruments)
     what = digest({"stack": base, "effects": [*effects, *(aid.name for aid in aids)]})
     special = _special((*stack.effects, *effects.values(), *aids, *clamp_places(base)))
-    return (
-        folder() / f"model_{what}.arrays",
-        {"versions": made_by, "stack": stack.name, "digest": what},
-        special,
-    )
+    return (folder() / f"model_{what}.arrays", {"versions": made_by, "stack": stack.name, "digest": what}, special)
 
 
 def folder() -> Path:
@@ -382,9 +367,7 @@ def _special(effects: Iterable[Effect]) -> tuple[Special, ...]:
         Special(kind=Formula, down=lambda formula: formula.function, up=Formula),
         *(Special(kind=kind, down=_written, up=_formula) for kind in (FunctionType, partial)),
         Special(
-            kind=Plan,
-            down=lambda plan: (plan.membrane.mesh.p, plan.membrane.mesh.t),
-            up=lambda mesh: plan_on(*mesh),
+            kind=Plan, down=lambda plan: (plan.membrane.mesh.p, plan.membrane.mesh.t), up=lambda mesh: plan_on(*mesh)
         ),
     )
 

@@ -41,10 +41,7 @@ from updating.errors import PairingError
 from updating.workers.workers import distribute
 
 _AT = np.array([-0.016, -0.005, 0.005, 0.016])  # m, where means are taken for the polynomials
-_DEGREE = (
-    3,
-    2,
-)  # of those along x and y: a parabola is right to 2 % of frequencies at 20 mm, a cubic to 0.1 %
+_DEGREE = (3, 2)  # of those along x and y: a parabola is right to 2 % of frequencies at 20 mm, a cubic to 0.1 %
 
 
 def clamp_places(stack: Stack) -> tuple[Effect, ...]:
@@ -54,9 +51,7 @@ def clamp_places(stack: Stack) -> tuple[Effect, ...]:
     it, of third order in the distance (m) along x: at the crest of a mode, the first order alone says that nothing
     changes, and then the square of the slope counts that comes from where the mode has a node.
     """
-    return tuple(
-        _placed(i, clamp, axis) for i, clamp in enumerate(stack.clamps) if clamp.mass > 0.0 for axis in (0, 1)
-    )
+    return tuple(_placed(i, clamp, axis) for i, clamp in enumerate(stack.clamps) if clamp.mass > 0.0 for axis in (0, 1))
 
 
 def _name(i: int, axis: int) -> str:
@@ -81,9 +76,7 @@ def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, i
         ((0, 1), clamp.y, assembly.stack.width, _DEGREE[1]),
     ):
         within = np.clip(_AT, -size / 2.0 - place, size / 2.0 - place)
-        changes = [
-            mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in within.tolist()
-        ]
+        changes = [mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in within.tolist()]
         powers = np.arange(1, degree + 1)
         weight = np.abs(_AT) ** (-4.0 if np.all(within == _AT) else -1.0)
         shares = np.linalg.pinv(weight[:, None] * _AT[:, None] ** powers) * weight
@@ -114,26 +107,16 @@ def _placed(i: int, clamp: Clamp, axis: int) -> Effect:
             Term(
                 name=f"{name} {power[0]} {power[1]}",
                 target="M",
-                factor=Monomial(
-                    exponent={_name(i, axis_of_power): n for axis_of_power, n in enumerate(power) if n}
-                ),
+                factor=Monomial(exponent={_name(i, axis_of_power): n for axis_of_power, n in enumerate(power) if n}),
                 krons=tuple(krons_of_power),
             )
             for power, krons_of_power in krons.items()
             if (power[1] > 0 if axis == 1 else power[0] > 0 == power[1])
         )
 
-    parameter = Parameter(
-        name=name, unit="m", nominal=2e-3, lower=-farthest, upper=farthest, source="a ruler"
-    )
+    parameter = Parameter(name=name, unit="m", nominal=2e-3, lower=-farthest, upper=farthest, source="a ruler")
     return Effect(
-        name=name,
-        label=what,
-        family="inertia",
-        summary=what,
-        description=what,
-        parameters=(parameter,),
-        terms=terms,
+        name=name, label=what, family="inertia", summary=what, description=what, parameters=(parameter,), terms=terms
     )
 
 
@@ -243,10 +226,7 @@ def _why_not(effect: Effect, small: Assembly) -> str | None:
     except EffectError as error:
         return str(error)
     acting = {
-        term.target
-        for term in terms
-        for kron in term.krons
-        if abs(kron.z).max() > 0.0 and abs(kron.planar).max() > 0.0
+        term.target for term in terms for kron in term.krons if abs(kron.z).max() > 0.0 and abs(kron.planar).max() > 0.0
     }
     single = small.stack.n_lamina == 1
     if not acting:
@@ -343,22 +323,14 @@ class FinerMesh:
         location = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
         n = len(location)
         everywhere = Observation(
-            node=np.tile(np.arange(n), 3),
-            location=np.tile(location, (3, 1)),
-            direction=np.repeat(np.eye(3), n, axis=0),
+            node=np.tile(np.arange(n), 3), location=np.tile(location, (3, 1)), direction=np.repeat(np.eye(3), n, axis=0)
         )
         self.rows = observe(candidates.system, everywhere).reduced_rows
         self.finer_rows = observe(self.finer, everywhere).reduced_rows
         self.finer_equations = self.finer.equations
 
     def change(
-        self,
-        theta: Mapping[str, float],
-        eigenvalue: Vector,
-        vectors: Vector,
-        rigid: float,
-        *,
-        alike: float = 0.9,
+        self, theta: Mapping[str, float], eigenvalue: Vector, vectors: Vector, rigid: float, *, alike: float = 0.9
     ) -> Vector | None:
         """Return what an ever finer mesh adds to the modal stiffness, (m, m), of modes (n_basis, m).
 

@@ -111,17 +111,12 @@ def beside_model(
     for _, _, modes in tested:
         require_points(modes)
     candidates = reduced(stack, instruments_of(tested[0][2]), effects, aids(), executor)
-    rig = tuple(
-        upright(check_rig(candidates.system, pressure, modes, G_F_RANGE)) for _, pressure, modes in tested
-    )
+    rig = tuple(upright(check_rig(candidates.system, pressure, modes, G_F_RANGE)) for _, pressure, modes in tested)
     return candidates, assemble_evidence(candidates, tested, scatter=scatter, levels=levels), rig
 
 
 def conclude(
-    candidates: CandidateModel,
-    evidence: Assembled,
-    asked: Sequence[Sequence[str]] = (),
-    rig: tuple[RigCheck, ...] = (),
+    candidates: CandidateModel, evidence: Assembled, asked: Sequence[Sequence[str]] = (), rig: tuple[RigCheck, ...] = ()
 ) -> Diagnosis:
     """Say which effect is missing from evidence that has been assembled; see `diagnose`.
 

@@ -159,16 +159,11 @@ class Tested:
 
 
 def pair(
-    shape: NDArray[np.complex128] | Vector,
-    frequency: Vector,
-    modelled_shape: Vector,
-    modelled_frequency: Vector,
+    shape: NDArray[np.complex128] | Vector, frequency: Vector, modelled_shape: Vector, modelled_frequency: Vector
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pair measured with modelled modes by MAC less a small penalty for distance in frequency."""
     far = np.abs(np.log(frequency[:, None] / modelled_frequency))
-    row, column = scipy.optimize.linear_sum_assignment(
-        mac(shape, modelled_shape) - np.minimum(far, 0.5), maximize=True
-    )
+    row, column = scipy.optimize.linear_sum_assignment(mac(shape, modelled_shape) - np.minimum(far, 0.5), maximize=True)
     return row, column
 
 

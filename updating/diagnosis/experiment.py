@@ -50,12 +50,7 @@ def _known_mass(name: str, place: tuple[float, float], what: str) -> Effect:
         description=what,
         parameters=(
             Parameter(
-                name=name,
-                unit="kg",
-                nominal=ADDED_MASS,
-                lower=0.0,
-                upper=2.0,
-                source="a weight from the scales",
+                name=name, unit="kg", nominal=ADDED_MASS, lower=0.0, upper=2.0, source="a weight from the scales"
             ),
         ),
         terms=terms,
@@ -93,12 +88,7 @@ def _moved_clamps() -> Effect:
         description=what,
         parameters=(
             Parameter(
-                name="test_clamps_moved",
-                unit="1",
-                nominal=1.0,
-                lower=0.0,
-                upper=1.0,
-                source="0 before, 1 after",
+                name="test_clamps_moved", unit="1", nominal=1.0, lower=0.0, upper=1.0, source="0 before, 1 after"
             ),
         ),
         terms=terms,
@@ -163,9 +153,7 @@ EXPERIMENTS = (
 )
 
 
-def rank_tests(
-    model: StackModel, search: Search, explanations: Sequence[Explanation]
-) -> tuple[NextTest, ...]:
+def rank_tests(model: StackModel, search: Search, explanations: Sequence[Explanation]) -> tuple[NextTest, ...]:
     """Rank further tests by the smallest distance that they leave between explanations, the best first.
 
     For explanations A and B the data of the further test are predicted with A, and B is fitted to them and to the data
@@ -185,9 +173,7 @@ def rank_tests(
             apart = _distances(model, search, experiment, explanations, misfits)
         except np.linalg.LinAlgError:  # clamps that are moved and sit elsewhere than stated, for instance
             continue
-        ranked.append(
-            NextTest(name=experiment.name, instruction=experiment.instruction, distance=min(apart), now=now)
-        )
+        ranked.append(NextTest(name=experiment.name, instruction=experiment.instruction, distance=min(apart), now=now))
     again = _second_level(model, explanations, misfits)
     if again is not None:
         instruction = "test again at three times the force"
@@ -195,9 +181,7 @@ def rank_tests(
     return tuple(sorted(ranked, key=lambda test: -test.distance))
 
 
-def _second_level(
-    model: StackModel, explanations: Sequence[Explanation], misfits: Sequence[float]
-) -> float | None:
+def _second_level(model: StackModel, explanations: Sequence[Explanation], misfits: Sequence[float]) -> float | None:
     """Return the smallest distance that a second force level leaves; None where several levels were tested.
 
     It separates explanations that depend on amplitude from those that do not, by as much as slip of the usual strength
@@ -227,12 +211,7 @@ def _distances(
     tested = [configuration.pressure for configuration in model.tested]
     ratio = experiment.pressure_ratio
     pressure = -ratio * min(tested) if ratio < 0.0 else ratio * max(tested)
-    first = Tested(
-        name=experiment.name,
-        pressure=pressure,
-        modes=model.tested[0].modes,
-        known=dict(experiment.known),
-    )
+    first = Tested(name=experiment.name, pressure=pressure, modes=model.tested[0].modes, known=dict(experiment.known))
     alone = model.of_tests([first], model.observation[:1])
     names = dict.fromkeys(name for explanation in explanations for name in explanation.terms)
     all_coordinates = coordinates_of(alone, [alone.terms[n] for n in names if n in alone.terms])

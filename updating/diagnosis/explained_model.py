@@ -56,9 +56,7 @@ def explained_stack(
     made = replace(
         stack,
         **{name: ratio(name) * getattr(stack, name) for name in DIMENSIONS},
-        material=replace(
-            material, young=ratio("young") * material.young, density=ratio("density") * material.density
-        ),
+        material=replace(material, young=ratio("young") * material.young, density=ratio("density") * material.density),
         contact=replace(
             contact,
             G_f=ratio("G_f", f"G_f[{state}]") * contact.G_f,
@@ -99,9 +97,7 @@ def explained_model(
     registration = register(stack, measured.geometry, measured.node, measured.direction)
     system, contact = reduced_about(stack, n_mode), stack.contact
     observed = observe(system, registration.observation)
-    modes = solve_modes(
-        system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observed, by=()
-    ).elastic()
+    modes = solve_modes(system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observed, by=()).elastic()
     modes = replace(modes, frequency=modes.frequency * finer_ratio(modes.frequency, modelled))
     pairing = pair(measured, modes, threshold=threshold)
     if pairing.measured.size == 0:

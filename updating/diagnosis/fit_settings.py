@@ -51,9 +51,7 @@ def free_coordinate(p: Parameter) -> Coordinate:
     else:
         nominal = coordinate_of(p, p.nominal)
         starts = tuple(float(np.clip(share * nominal, low, high)) for share in (0.2, 1.0))
-    return Coordinate(
-        name=p.name, std=1.0, lower=float(low), upper=float(high), starts=starts, step=0.1, longest=0.4
-    )
+    return Coordinate(name=p.name, std=1.0, lower=float(low), upper=float(high), starts=starts, step=0.1, longest=0.4)
 
 
 T = TypeVar("T")
@@ -144,9 +142,7 @@ class FitSettings:
             scopes = {self.scope.get(p.name, "all") for p in effect.parameters}
             if len(scopes) > 1:
                 names = ", ".join(p.name for p in effect.parameters)
-                raise FitError(
-                    f"scope of {names}: parameters of one effect are shared alike; give them one scope"
-                )
+                raise FitError(f"scope of {names}: parameters of one effect are shared alike; give them one scope")
         require_known("hold_out: configuration", self.hold_out, n_mode)
         for name, modes in self.hold_out.items():
             if max(modes, default=0) >= n_mode[name]:
@@ -196,20 +192,12 @@ class FitSettings:
         several = any("[" in c.name and c.name.startswith(CONTACT) for c in usual)
         levels: list[Scope] = ["all", "configuration"] if several else ["all"]
         return tuple(
-            self.part(
-                c, c.name.partition("[")[0], "configuration" if "[" in c.name else "all", levels, c, stack
-            )
+            self.part(c, c.name.partition("[")[0], "configuration" if "[" in c.name else "all", levels, c, stack)
             for c in usual
         )
 
     def part(
-        self,
-        coordinate: Coordinate,
-        name: str,
-        level: Scope,
-        levels: Sequence[Scope],
-        usual: Coordinate,
-        stack: Stack,
+        self, coordinate: Coordinate, name: str, level: Scope, levels: Sequence[Scope], usual: Coordinate, stack: Stack
     ) -> Coordinate:
         """Return the coordinate of a level's contribution to a parameter, with its prior.
 
@@ -279,9 +267,7 @@ class FitSettings:
         lower = max(lower, coordinate.lower) if name == "G_f" else lower
         upper = min(upper, coordinate.upper) if name == "G_f" else upper
         if not lower < upper:
-            raise FitError(
-                f"bounds of {name}: none of {bounds[0]:g} to {bounds[1]:g} is what the model is made for"
-            )
+            raise FitError(f"bounds of {name}: none of {bounds[0]:g} to {bounds[1]:g} is what the model is made for")
         return replace(coordinate, lower=lower, upper=upper)
 
     def tells(self, effects: Mapping[str, Effect]) -> bool:

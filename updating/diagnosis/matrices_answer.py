@@ -71,11 +71,7 @@ class MatricesFit(ModelFit):
 
 @single_threaded
 def fit_matrices(
-    structure: MatrixStructure,
-    measured: ModalModel,
-    *,
-    threshold: float = 0.8,
-    scatter: DiagnosisScatter | None = None,
+    structure: MatrixStructure, measured: ModalModel, *, threshold: float = 0.8, scatter: DiagnosisScatter | None = None
 ) -> MatricesFit:
     """Fit the stated terms of a structure to the modes of one configuration.
 
@@ -160,9 +156,7 @@ def _modes(local: LocalModel, x: Vector, measured: ModalModel, state: int = 0) -
     return modes_at(frequency, damping, shape, measured.node, measured.direction)
 
 
-def modes_at(
-    frequency: Vector, damping: Vector, shape: Vector, node: NDArray[np.int64], direction: Vector
-) -> Modes:
+def modes_at(frequency: Vector, damping: Vector, shape: Vector, node: NDArray[np.int64], direction: Vector) -> Modes:
     """Return modes, (n,) Hz and (n,), with their shapes at some components, (n_dof, n)."""
     n = frequency.size
     return Modes(
@@ -181,9 +175,7 @@ def modes_at(
     )
 
 
-def _together(
-    model: MatricesModel, own: Explanation, *, told: float = 0.5, shows: float = 0.9
-) -> tuple[str, ...]:
+def _together(model: MatricesModel, own: Explanation, *, told: float = 0.5, shows: float = 0.9) -> tuple[str, ...]:
     """Say which combinations of stated terms the data tell, where they do not tell each of them.
 
     A term is told whose deviation fell below `told` of that of its prior. Combinations are the principal directions of
@@ -203,9 +195,7 @@ def _together(
     for k in np.flatnonzero(left < shows)[::-1][:combined]:
         share = turn[:, k] * np.sign(turn[np.argmax(np.abs(turn[:, k])), k])
         large = [j for j in np.argsort(-np.abs(share))[:combined] if abs(share[j]) > 0.1]
-        words = " ".join(
-            f"{'+' if share[j] > 0 else '-'} {abs(share[j]):.2f} {names[stated[j]]}" for j in large
-        )
+        words = " ".join(f"{'+' if share[j] > 0 else '-'} {abs(share[j]):.2f} {names[stated[j]]}" for j in large)
         parts.append(f"{words.removeprefix('+ ')} (now known to {left[k]:.2g} of before)")
     number = f"{len(model.states[0].frequency)} modes"
     tell = f"; what they tell is mostly {'; '.join(parts)}" if parts else ", nor any combination of them"
@@ -250,13 +240,9 @@ def diagnose_matrices(
 
     given = [Tested(name=name, pressure=np.nan, modes=modes) for name, modes in tested]
     node = [modes.node for _, modes in tested]
-    model, found, mixed_up = search_corrected(
-        make, given, node, shares=SHARES, priors=priors_of(scatter), asked=asked
-    )
+    model, found, mixed_up = search_corrected(make, given, node, shares=SHARES, priors=priors_of(scatter), asked=asked)
     decision = decide(found)
     shown = (found.base, *decision.left[:1])
-    models = {
-        own.name: tuple(_shown(model, x, c, least_mac) for x in shown) for c, own in enumerate(model.tested)
-    }
+    models = {own.name: tuple(_shown(model, x, c, least_mac) for x in shown) for c, own in enumerate(model.tested)}
     answer = replace(answer_of(model, found, decision, asked), mixed_up=mixed_up, models=models)
     return replace(answer, sentences=sentences(answer))

@@ -64,9 +64,7 @@ def candidates_of(
         if not own.size:
             continue
         found[f"mass_at_{name}"] = Candidate(
-            effect=_effect(
-                f"mass_at_{name}", f"a mass at {label}", "inertia", _mass(f"mass_at_{name}", mass * total)
-            ),
+            effect=_effect(f"mass_at_{name}", f"a mass at {label}", "inertia", _mass(f"mass_at_{name}", mass * total)),
             parts=_acting("M", own, (0, 1, 2)),
         )
         for axis in range(3):
@@ -117,12 +115,7 @@ def _effect(name: str, label: str, family: Family, parameter: Parameter) -> Effe
 
 def _mass(name: str, largest: float) -> Parameter:
     return Parameter(
-        name=name,
-        unit="kg",
-        nominal=_USUAL * largest,
-        lower=0.0,
-        upper=largest,
-        source="the mass of the structure",
+        name=name, unit="kg", nominal=_USUAL * largest, lower=0.0, upper=largest, source="the mass of the structure"
     )
 
 

@@ -83,12 +83,8 @@ class MatricesModel:
         self.scatter, self.tested = scatter, tuple(tested)
         every = [cast("ModalModel", own.modes) for own in tested]
         top = max(float(modes.frequency.max()) for modes in every)
-        self.structure = _with_drive(
-            replace(structure, band_Hz=max(structure.band_Hz, above * top)), every[0]
-        )
-        self.places = tuple(
-            _placed(self.structure, modes.geometry, modes.node, modes.direction) for modes in every
-        )
+        self.structure = _with_drive(replace(structure, band_Hz=max(structure.band_Hz, above * top)), every[0])
+        self.places = tuple(_placed(self.structure, modes.geometry, modes.node, modes.direction) for modes in every)
         self.damped = any(term.target == "C" for term in self.structure.terms)
         self.states = tuple(state_of(own, touching=self.damped) for own in self.tested)
         lowest = min(float(own.frequency.min()) for own in self.states)
@@ -99,12 +95,8 @@ class MatricesModel:
             self.structure, lambda reduced: point.rows(reduced)[0], len(point.node) // 3, lowest
         )
         self.effects: dict[str, Effect] = {name: own.effect for name, own in self.candidates.items()}
-        self.parameters: dict[str, Parameter] = {
-            name: own.parameters[0] for name, own in self.effects.items()
-        }
-        self._known_to_hold: list[
-            Vector
-        ] = []  # factors at which a basis, and so each wider one, is exact enough
+        self.parameters: dict[str, Parameter] = {name: own.parameters[0] for name, own in self.effects.items()}
+        self._known_to_hold: list[Vector] = []  # factors at which a basis, and so each wider one, is exact enough
         self._reduced = [] if reduced is None else reduced
         if not self._reduced:
             self._reduced.append(reduce_matrices(self.structure))
@@ -248,9 +240,7 @@ class MatricesModel:
         stated = [one.name for one in self.structure.factors]
         for x in points:
             at = {
-                c.name: self.value(c.name, float(v))[0]
-                for c, v in zip(coordinates, x, strict=True)
-                if c.name in stated
+                c.name: self.value(c.name, float(v))[0] for c, v in zip(coordinates, x, strict=True) if c.name in stated
             }
             if len(self._reduced) < _MOST_BASES and not self._holds(at):
                 self._reduced.append(reduce_matrices(self.structure, at, beside=self.reduced))
@@ -258,9 +248,7 @@ class MatricesModel:
 
     def _holds(self, at: Mapping[str, float]) -> bool:
         """Tell whether the basis is exact enough at some factors, or hardly elsewhere, where that is known."""
-        close = (
-            0.02  # of each factor, within which the error is that of a known point: it grows with the cube
-        )
+        close = 0.02  # of each factor, within which the error is that of a known point: it grows with the cube
         exact = 1e-4  # relative error of a frequency from which the structure is reduced anew
         place = np.array([at.get(one.name, one.nominal) for one in self.structure.factors])
         if not any(np.all(np.abs(place - own) <= close * np.abs(own)) for own in self._known_to_hold):
@@ -296,9 +284,7 @@ def _known(name: str, std: float, step: float) -> Coordinate:
     return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=step)
 
 
-def _placed(
-    structure: MatrixStructure, geometry: Geometry, node: NDArray[np.int64], direction: Vector
-) -> Places:
+def _placed(structure: MatrixStructure, geometry: Geometry, node: NDArray[np.int64], direction: Vector) -> Places:
     """Place measured components on a structure.
 
     Raises
@@ -309,9 +295,7 @@ def _placed(
     row = {int(n): i for i, n in enumerate(geometry.node)}
     unknown = sorted({int(n) for n in node} - set(row))
     if unknown:
-        raise PairingError(
-            f"points {unknown} were measured but have no coordinates; add them to the points file"
-        )
+        raise PairingError(f"points {unknown} were measured but have no coordinates; add them to the points file")
     location = geometry.coordinate[[row[int(n)] for n in node]]
     try:
         return places_on(structure, node, location, direction)
@@ -395,9 +379,7 @@ class MatricesNear:
             damping = damping + 2.0 * at[DECAY] * inertia
             damps[self.at[DECAY]] = 2.0 * inertia[None]
         rows, look = self._rows(at, every, state)
-        stiffness, mass = (
-            np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, size, m) for which in (0, 1)
-        )
+        stiffness, mass = (np.array([moves[i][which] for i in sorted(moves)]).reshape(-1, size, m) for which in (0, 1))
         return Modal(
             eigenvalue=low,
             n_rigid=n_rigid,

@@ -108,17 +108,13 @@ def correct(
     same = all(np.array_equal(points, node[0]) for points in node)
     groups = [(c,) for c in all_states] + ([all_states] if same and len(all_states) > 1 else [])
     tried = [trial for where in groups for trial in _tried(weighed, where)]
-    number = sum(
-        2 * node[where[0]].size + node[where[0]].size * (node[where[0]].size - 1) // 2 for where in groups
-    )
+    number = sum(2 * node[where[0]].size + node[where[0]].size * (node[where[0]].size - 1) // 2 for where in groups)
     gain, where, dofs, factor = max(tried, key=lambda trial: trial[0])
     log_odds = 0.5 * gain - float(np.log(number))
     if log_odds < MIXED_UP:
         return tuple(tested), None
     right = tuple(
-        replace(configuration, modes=_undone(configuration.modes, dofs, factor))
-        if c in where
-        else configuration
+        replace(configuration, modes=_undone(configuration.modes, dofs, factor)) if c in where else configuration
         for c, configuration in enumerate(tested)
     )
     return right, MixedUp(

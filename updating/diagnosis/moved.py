@@ -78,12 +78,7 @@ def _stated(stack: Stack, name: str) -> tuple[str, str, float, bool]:
     where, clamp = where.rstrip("]"), _CLAMP.fullmatch(name)
     if clamp:
         clamp_stated = stack.clamps[int(clamp[1]) - 1]
-        return (
-            f"place of clamp {clamp[1]} along {clamp[2]}",
-            "m",
-            float(getattr(clamp_stated, clamp[2])),
-            False,
-        )
+        return (f"place of clamp {clamp[1]} along {clamp[2]}", "m", float(getattr(clamp_stated, clamp[2])), False)
     if what in (POINTS_SHIFT, DECAY):
         return _LABELS[what], "m" if what == POINTS_SHIFT else "1/s", 0.0, False
     if what == "gain":
@@ -103,11 +98,7 @@ def _stated(stack: Stack, name: str) -> tuple[str, str, float, bool]:
     return _LABELS[what], unit, float(value), True
 
 
-_STEEL = {
-    "young": "Young's modulus",
-    "density": "density",
-    "normal_modulus": "stiffness of the contact across",
-}
+_STEEL = {"young": "Young's modulus", "density": "density", "normal_modulus": "stiffness of the contact across"}
 _CONTACT = {"G_f": "stiffness G_f", "d_f": "damping d_f"}
 
 
@@ -144,10 +135,7 @@ def pulled_text(pulled: Sequence[Pulled]) -> list[str]:
         if len(pair) == 2 and pair[0].value * pair[1].value < 0.0:
             left = [nuisance for nuisance in left if nuisance not in pair]
             low, high = sorted(pair, key=lambda nuisance: nuisance.value)
-            more, known = (
-                percent(float(np.expm1(high.value - low.value))),
-                _off(high, np.sqrt(2.0) * high.std),
-            )
+            more, known = (percent(float(np.expm1(high.value - low.value))), _off(high, np.sqrt(2.0) * high.std))
             text.append(
                 f"the contact {_CONTACT[what]} would have to be {more} higher at {_where(high)} than at {_where(low)}, "
                 f"beyond what their pressures do; reassembly and torque explain {known}."
@@ -182,9 +170,7 @@ def _pulled_text(nuisance: Pulled) -> str:
         )
     else:
         known_by = (
-            f"the stack's {_STEEL.get(what, what)}"
-            if what in (*_STEEL, *DIMENSIONS)
-            else f"the factor of {what}"
+            f"the stack's {_STEEL.get(what, what)}" if what in (*_STEEL, *DIMENSIONS) else f"the factor of {what}"
         )
         text = f"{known_by} would have to differ from the file's by {value}"
     return f"{text}; what is known of it leaves {known}."

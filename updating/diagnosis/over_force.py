@@ -45,8 +45,7 @@ def second_level(model: StackModel, explanation: Explanation) -> float | None:
         stiffness = modal.stiffness[modal.moves.tolist().index(contact)]  # what the contact holds
         held = np.einsum("ri,ij,rj->r", errors.weight, stiffness, errors.weight) / errors.eigenvalue
         root = [
-            slipped(EFFECT, values, np.full((held.size, N_SHARE), times * STRAIN), held).root
-            for times in (1.0, FORCE)
+            slipped(EFFECT, values, np.full((held.size, N_SHARE), times * STRAIN), held).root for times in (1.0, FORCE)
         ]
         noise = np.hypot(state.frequency_std / state.frequency, drift)
         moved.append(np.log(root[1] / root[0]) / (np.sqrt(2.0) * noise))

@@ -50,9 +50,7 @@ class Explained(Model, Protocol):
 Vector = NDArray[np.float64]
 
 
-def rank(
-    model: Explained, search: Search, first: Explanation, named: Collection[Explanation]
-) -> tuple[Ranked, ...]:
+def rank(model: Explained, search: Search, first: Explanation, named: Collection[Explanation]) -> tuple[Ranked, ...]:
     """Rank explanations by posterior probability; what is left out is predicted by the first and by those named.
 
     Parameters
@@ -131,10 +129,7 @@ def sizes_of(search: Search, explanation: Explanation) -> tuple[Sizes, Sizes]:
     middle, spread = explanation.evidence.moments(search.setting.priors)
     damped = explanation.problem.damping.size > 0
     return (
-        Sizes(
-            frequency=middle.stiffness / float(np.sqrt(2.0)),
-            damping=middle.damping if damped else float("nan"),
-        ),
+        Sizes(frequency=middle.stiffness / float(np.sqrt(2.0)), damping=middle.damping if damped else float("nan")),
         Sizes(frequency=spread.stiffness, damping=spread.damping),
     )
 
@@ -153,9 +148,7 @@ def mean_error(log_ratio: Vector) -> float:
 def misfit(explanation: Explanation, sizes: discrepancy.Sizes) -> float:
     """Return the squares of an explanation's errors over their variances by noise and a discrepancy of given sizes."""
     value, _, _ = whitened(explanation.problem, sizes)
-    return float(
-        value @ value + np.sum(explanation.pulls[np.isfinite([c.std for c in explanation.coordinates])] ** 2)
-    )
+    return float(value @ value + np.sum(explanation.pulls[np.isfinite([c.std for c in explanation.coordinates])] ** 2))
 
 
 def pulled(explanation: Explanation) -> tuple[Pulled, ...]:
@@ -185,12 +178,7 @@ def estimates(model: Explained, explanation: Explanation) -> list[ParameterEstim
         value, lower, upper = (scaled(p, float(z))[0] for z in (explanation.x[i], *ends))
         rows.append(
             ParameterEstimate(
-                name=p.name,
-                unit=p.unit,
-                value=value,
-                lower=lower,
-                upper=upper,
-                at_bound=bool(explanation.at_bound[i]),
+                name=p.name, unit=p.unit, value=value, lower=lower, upper=upper, at_bound=bool(explanation.at_bound[i])
             )
         )
     return rows
@@ -205,7 +193,5 @@ def _misstated(model: Explained, explanation: Explanation) -> list[ParameterEsti
         unit = model.unit(nuisance)
         ends = explanation.x[i] + Z95 * explanation.std[i] * np.array([0.0, -1.0, 1.0])
         value, lower, upper = (ends if unit != "1" else np.exp(ends)).tolist()
-        rows.append(
-            ParameterEstimate(name=nuisance, unit=unit, value=value, lower=lower, upper=upper, at_bound=False)
-        )
+        rows.append(ParameterEstimate(name=nuisance, unit=unit, value=value, lower=lower, upper=upper, at_bound=False))
     return rows

@@ -62,9 +62,7 @@ class Slipped:
 
     def damping(self, linear: Vector) -> tuple[Vector, Vector]:
         """Return damping ratios (n,) from those without slip, and their derivatives (n, n_parameter)."""
-        return linear / self.root + self.added, self.added_slope - (linear / self.root**2)[
-            :, None
-        ] * self.root_slope
+        return linear / self.root + self.added, self.added_slope - (linear / self.root**2)[:, None] * self.root_slope
 
 
 def slip_effect(effects: Mapping[str, Effect]) -> Effect | None:
@@ -136,7 +134,5 @@ def slipped(effect: Effect, values: Mapping[str, float], strain: Vector, held: V
         step = relative * (p.upper - p.lower)
         low, high = max(values[p.name] - step, p.lower), min(values[p.name] + step, p.upper)
         before, after = at(**{p.name: low}), at(**{p.name: high})
-        root_slope[:, i], added_slope[:, i] = (
-            (b - a) / (high - low) for a, b in zip(before, after, strict=True)
-        )
+        root_slope[:, i], added_slope[:, i] = ((b - a) / (high - low) for a, b in zip(before, after, strict=True))
     return Slipped(root=root, added=added, root_slope=root_slope, added_slope=added_slope)

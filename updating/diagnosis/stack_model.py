@@ -48,9 +48,7 @@ from updating.inference.protocol import Coordinate, State, Term
 
 Vector = NDArray[np.float64]
 
-_BELOW = (
-    0.3  # of the lowest measured frequency, for what is held may have modes as low as rigid-body motion has
-)
+_BELOW = 0.3  # of the lowest measured frequency, for what is held may have modes as low as rigid-body motion has
 _LIKE = 0.05  # of the logarithm of contact stiffness and pressure, within which one answer does
 _FARTHEST = 8.0  # prior standard deviations that a nuisance may move
 
@@ -123,16 +121,12 @@ class StackModel:
         self.dimensions = tuple(candidates.resized)
         self.places = candidates.places
         everywhere = {**self.equations.theta, OMEGA: 2.0 * np.pi * _MIDDLE}
-        self._names = [
-            frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms
-        ]
+        self._names = [frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms]
         self.n_equation = n_equation or self._within(above)
         self._near: dict[tuple[Hashable, ...], StackNear] = {}
         self.mesh: FinerMesh = FinerMesh(candidates) if like is None else like.mesh
         self._finer: dict[tuple[int, ...], tuple[Vector | None, Vector]] = {} if like is None else like._finer
-        self._resized: dict[tuple[str, tuple[int, ...]], dict[str, Vector]] = (
-            {} if like is None else like._resized
-        )
+        self._resized: dict[tuple[str, tuple[int, ...]], dict[str, Vector]] = {} if like is None else like._resized
 
     def _rows(self, points: Observation) -> tuple[Vector, Vector]:
         """Return the rows of measured points, (n_dof, n_basis), and how they change as all move along x."""
@@ -175,9 +169,7 @@ class StackModel:
         What is missing may lower frequencies, and a mode that was measured must not be one beyond all equations.
         """
         theta = self.theta({"G_f": self.start}, 0)[0]
-        value = la.eigh(
-            self.equations.matrix("K", theta), self.equations.matrix("M", theta), eigvals_only=True
-        )
+        value = la.eigh(self.equations.matrix("K", theta), self.equations.matrix("M", theta), eigvals_only=True)
         top = above * max(float(state.frequency.max()) for state in self.states)
         rigid = int(np.count_nonzero(value < self.rigid))
         most = max(state.frequency.size for state in self.states)
@@ -212,11 +204,7 @@ class StackModel:
             coordinates += [
                 Coordinate(name="G_f", std=np.inf, lower=low, upper=high, step=0.1, longest=0.4),
                 Coordinate(
-                    name="d_f",
-                    std=np.inf,
-                    lower=start - np.log(100.0),
-                    upper=start + np.log(100.0),
-                    longest=0.4,
+                    name="d_f", std=np.inf, lower=start - np.log(100.0), upper=start + np.log(100.0), longest=0.4
                 ),
             ]
 
@@ -331,10 +319,7 @@ class StackModel:
             stiffness, mass = self.equations.matrix("K", contact), self.equations.matrix("M", contact)
             value, vector = la.eigh(stiffness, mass)
             bare = vector[:, : self.n_equation]
-            self._finer[key] = (
-                self.mesh.change(contact, value[: self.n_equation], bare, self.rigid),
-                mass @ bare,
-            )
+            self._finer[key] = (self.mesh.change(contact, value[: self.n_equation], bare, self.rigid), mass @ bare)
         return self._finer[key]
 
     def dimension(self, name: str, theta: Mapping[str, float]) -> dict[str, Vector]:

@@ -68,9 +68,7 @@ class StackNear:
         self.moving = frozenset(self.far)
         moving = frozenset((*self.far, *self.near, OMEGA))
         n_state = len(whole.measured)
-        thetas = [
-            whole.theta(dict(zip(self.names, x, strict=True)), c)[0] for x in points for c in range(n_state)
-        ]
+        thetas = [whole.theta(dict(zip(self.names, x, strict=True)), c)[0] for x in points for c in range(n_state)]
         terms = whole.acting(thetas, moving)
         step = {c.name: c.step for c in coordinates}
         self._by_place = self._placed(terms, thetas[:n_state])
@@ -144,9 +142,7 @@ class StackNear:
             value, vector = la.eigh(stiffness, mass)
             floor = value[value > whole.rigid][0]
             if c < n_state:
-                self._whole_matrices.append(
-                    {"K": stiffness, "M": mass, "C": whole.equations.matrix("C", theta)}
-                )
+                self._whole_matrices.append({"K": stiffness, "M": mass, "C": whole.equations.matrix("C", theta)})
             if reference is None:
                 first_mass = mass
                 reference = la.cholesky(stiffness + floor * mass, lower=True)
@@ -184,8 +180,7 @@ class StackNear:
             ]
             if c < n_state:
                 answering += [
-                    (name, self._sized(name, theta, low, value[: self.n_equation]), step[name])
-                    for name in self.sized
+                    (name, self._sized(name, theta, low, value[: self.n_equation]), step[name]) for name in self.sized
                 ]
             if answering:
                 forces = np.hstack([image * (small / np.sqrt(lam)) for _, image, small in answering])
@@ -249,9 +244,7 @@ class StackNear:
         fixed = {t: np.zeros((len(thetas), n, n)) for t in "KMC"}
         for c, theta in enumerate(thetas):
             for target in "KMC":
-                moving = sum(
-                    (p.factor(theta) * p.matrix for p in parts if p.target == target), np.zeros((n, n))
-                )
+                moving = sum((p.factor(theta) * p.matrix for p in parts if p.target == target), np.zeros((n, n)))
                 fixed[target][c] = project(self._whole_matrices[c][target]) - moving
             for (name, target), matrices in self._by_place[c].items():
                 self.linear[target][c, self.near.index(name)] = np.sum(list(map(project, matrices)), axis=0)
@@ -322,9 +315,7 @@ class StackNear:
         part.whole = whole
         return part
 
-    def modal(
-        self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None
-    ) -> Modal:
+    def modal(self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None) -> Modal:
         """Return the model of a state at coordinates; `solved` is what that returns there, where it is known."""
         at = dict(zip(self.names, x.tolist(), strict=True))
         theta, slope = self.whole.theta(at, state)
@@ -455,12 +446,7 @@ class StackNear:
         return np.array(moves, dtype=np.intp), derivatives[0], derivatives[1]
 
     def _losses(
-        self,
-        theta: Mapping[str, float],
-        slope: Mapping[str, float],
-        state: int,
-        vector: Vector,
-        matrix: Vector,
+        self, theta: Mapping[str, float], slope: Mapping[str, float], state: int, vector: Vector, matrix: Vector
     ) -> tuple[Vector, dict[int, Vector]]:
         """Return modal damping, one for each measured mode where it depends on frequency, and its derivatives."""
         parts = self.of_target["C"]
@@ -474,10 +460,7 @@ class StackNear:
                 away = np.array([p.factor(t) for t in at_modes]) - p.factor(theta)
                 damping = damping + away[:, None, None] * block
             for name in sorted(p.names & self.moving):
-                rate = (
-                    np.array([p.factor.derivative(t, name) for t in (at_modes if slow else [theta])])
-                    * slope[name]
-                )
+                rate = np.array([p.factor.derivative(t, name) for t in (at_modes if slow else [theta])]) * slope[name]
                 for i in self._columns(name, state):
                     damps[i] = damps.get(i, 0.0) + rate[:, None, None] * block
         return damping, damps
@@ -488,11 +471,7 @@ class StackNear:
         return [{**theta, OMEGA: w} for w in omega.tolist()]
 
     def _of_mode(
-        self,
-        theta: Mapping[str, float],
-        slope: Mapping[str, float],
-        state: int,
-        between: Mapping[str, Vector],
+        self, theta: Mapping[str, float], slope: Mapping[str, float], state: int, between: Mapping[str, Vector]
     ) -> tuple[Vector | None, dict[int, Vector]]:
         """Return the stiffness that each measured mode feels beside that at the middle frequency, and its derivatives.
 
@@ -544,9 +523,7 @@ class StackNear:
             )
         return (here[0], softer), (here[1], lossy)
 
-    def _rows(
-        self, at: Mapping[str, float], vector: Vector, state: int
-    ) -> tuple[Vector, list[int], list[Vector]]:
+    def _rows(self, at: Mapping[str, float], vector: Vector, state: int) -> tuple[Vector, list[int], list[Vector]]:
         """Return the modes at the sensors, with their gains, and the derivatives by gains and a shift of all points."""
         measured = self.whole.measured[state]
         rows, looks, changes = self.rows[state] @ vector, [], []

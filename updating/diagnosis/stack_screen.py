@@ -27,9 +27,7 @@ class Near(Protocol):
     n_equation: int
     whole: Any
 
-    def modal(
-        self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None
-    ) -> Modal:
+    def modal(self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None) -> Modal:
         """Return the model of a state at coordinates; `solved` is what that returns there, where it is known."""
 
     def solved(self, x: Vector, state: int) -> tuple[Vector, Vector, dict[str, Vector]]:
@@ -75,9 +73,7 @@ class StackScreen:
                     self._by_name.setdefault((name, t), []).append(i)
         slip = near.whole.slip
         slips = slip is not None and near.whole.measured[state].strain is not None
-        self._slips = (
-            {near.at[p.name] for p in slip.parameters if p.name in near.at} if slip and slips else set()
-        )
+        self._slips = {near.at[p.name] for p in slip.parameters if p.name in near.at} if slip and slips else set()
 
     def _factor(self, part: Any, slow: bool) -> Vector:
         """Return the factor of a part at the point; at the frequency of each measured mode where it depends on that."""
@@ -120,8 +116,7 @@ class StackScreen:
 
         none = np.zeros((0, near.size, near.n_equation))
         (stiffness, far), (mass, heavy) = (
-            summed(t, self._blocks.get(t, none), self._beyond.get(t, none[:, near.n_equation :, 0]))
-            for t in ENERGIES
+            summed(t, self._blocks.get(t, none), self._beyond.get(t, none[:, near.n_equation :, 0])) for t in ENERGIES
         )
         (damping,) = summed("C", self._blocks.get("C", none[:, : near.n_equation]))
         return Change(

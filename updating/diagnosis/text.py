@@ -66,8 +66,7 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         text.append(f"Ruled out at their usual strength: {_folded(diagnosis, diagnosis.ruled_out)}.")
     if diagnosis.not_visible:
         text.append(
-            "Too weak to show in these data at any plausible strength: "
-            f"{_folded(diagnosis, diagnosis.not_visible)}."
+            f"Too weak to show in these data at any plausible strength: {_folded(diagnosis, diagnosis.not_visible)}."
         )
     return (*text, _rests_on(diagnosis))
 
@@ -79,9 +78,7 @@ def next_command(
 
     `options` are those, with their values, that the diagnosis was made with.
     """
-    effects = [
-        name for name in (diagnosis.set[0] if diagnosis.set else ()) if name not in diagnosis.measurement
-    ]
+    effects = [name for name in (diagnosis.set[0] if diagnosis.set else ()) if name not in diagnosis.measurement]
     if not effects:
         return None
     arguments = itertools.chain(*(("--effect", name) for name in effects), *options)
@@ -142,14 +139,8 @@ def _verdict(diagnosis: Diagnosis) -> str:
         near = f" Nearly as likely: {others}." if others else ""
         start = "Most" if diagnosis.explained > most else "Part"
         return f"{start} of the misfit ({share}) is {what}{_said(first)}. {_change(base, first, 'With it')}{near}"
-    where = (
-        "Not the model but the measurement"
-        if set(first.effects) <= set(diagnosis.measurement)
-        else "Identified"
-    )
-    return (
-        f"{where}: {what}{_said(first)}. It explains {share} of the misfit. {_change(base, first, 'With it')}"
-    )
+    where = "Not the model but the measurement" if set(first.effects) <= set(diagnosis.measurement) else "Identified"
+    return f"{where}: {what}{_said(first)}. It explains {share} of the misfit. {_change(base, first, 'With it')}"
 
 
 def _more(left: Sequence[Sequence[str]]) -> str:
@@ -173,9 +164,7 @@ def _change(base: Ranked, explanation: Ranked, start: str) -> str:
         return f"{start} {_as_before(explanation)}."
     kind = telling(base, explanation)
     before, after = percent(base.frequency_error), percent(explanation.frequency_error)
-    stays = (
-        f"that of frequencies {f'stays at {after}' if before == after else f'goes from {before} to {after}'}"
-    )
+    stays = f"that of frequencies {f'stays at {after}' if before == after else f'goes from {before} to {after}'}"
     if explanation.error(kind) < base.error(kind):
         ends = percent(base.error(kind)), percent(explanation.error(kind))
         text = f"{start} the mean {_ERRORS[kind]} falls from {ends[0]} to {ends[1]}"
@@ -211,10 +200,7 @@ def _stays(base: Ranked, explanation: Ranked) -> bool:
     pairs = [
         pair
         for kind in _ERRORS
-        for pair in (
-            (base.error(kind), explanation.error(kind)),
-            (base.left_out(kind), explanation.left_out(kind)),
-        )
+        for pair in ((base.error(kind), explanation.error(kind)), (base.left_out(kind), explanation.left_out(kind)))
         if np.isfinite(pair).all()
     ]
     return all(FALLS * before <= after <= before / FALLS for before, after in pairs)
@@ -223,9 +209,7 @@ def _stays(base: Ranked, explanation: Ranked) -> bool:
 def _as_before(explanation: Ranked) -> str:
     """Describe an explanation that changes no error."""
     damping = (
-        f" and {percent(explanation.damping_error)} of damping ratios"
-        if np.isfinite(explanation.damping_error)
-        else ""
+        f" and {percent(explanation.damping_error)} of damping ratios" if np.isfinite(explanation.damping_error) else ""
     )
     return (
         f"the mean errors, {percent(explanation.frequency_error)} of frequencies{damping}, do not change, but "
@@ -293,18 +277,14 @@ def _remains(diagnosis: Diagnosis) -> list[str]:
     text = []
     if diagnosis.lacking:
         others = "; what was said is of the other modes" if diagnosis.set else ""
-        text.append(
-            f"The model has no mode like what was measured as {', '.join(diagnosis.lacking)}{others}."
-        )
+        text.append(f"The model has no mode like what was measured as {', '.join(diagnosis.lacking)}{others}.")
     if diagnosis.too_large:
         large = [
             f"{percent(getattr(diagnosis.discrepancy, kind))} of a {_KINDS[kind]}, where right models leave "
             f"{percent(_MOST_LEFT[kind])} at most"
             for kind in diagnosis.too_large
         ]
-        text.append(
-            f"What remains is more than a model leaves to which nothing is missing: {'; '.join(large)}."
-        )
+        text.append(f"What remains is more than a model leaves to which nothing is missing: {'; '.join(large)}.")
     if diagnosis.unlisted == "beside":
         text.append(f"Beside that, {UNLISTED} is clearly more probable than nothing.")
     return [*text, _where(diagnosis)]
@@ -371,9 +351,7 @@ def second_level_text(diagnosis: Diagnosis) -> str | None:
 
 def _where(diagnosis: Diagnosis) -> str:
     """Say which frequencies the first explanation, or the base model, misses most."""
-    off = np.array(
-        [-(error.base if np.isnan(error.explained) else error.explained) for error in diagnosis.errors]
-    )
+    off = np.array([-(error.base if np.isnan(error.explained) else error.explained) for error in diagnosis.errors])
     parts = [
         f"{error.configuration}, mode {error.mode} at {error.frequency:.1f} Hz "
         f"(measured {percent(abs(off[i]))} {'higher' if off[i] > 0 else 'lower'})"
@@ -386,9 +364,7 @@ def _where(diagnosis: Diagnosis) -> str:
 def _at_a_point(diagnosis: Diagnosis, change: PointChange) -> str:
     """Say where something is that no effect of the catalogue explains."""
     size = quantity(abs(change.size), "kg" if change.kind == "mass" else "N/m")
-    what = (
-        f"{size} {'more' if change.size > 0.0 else 'less'} {'mass' if change.kind == 'mass' else 'stiffness'}"
-    )
+    what = f"{size} {'more' if change.size > 0.0 else 'less'} {'mass' if change.kind == 'mass' else 'stiffness'}"
     which = f"the model with {named(diagnosis, change.beside)}" if change.beside else "the model"
     return (
         f"The measurement looks as if there were {what} than {which} has, at or near point {change.node} in the "
@@ -427,9 +403,7 @@ def _next(diagnosis: Diagnosis) -> list[str]:
             f"deviations, now by {useful[0].now:.1f}."
         ]
     if diagnosis.next_tests:
-        return [
-            "None of the further tests that were considered would tell them apart by 3 standard deviations."
-        ]
+        return ["None of the further tests that were considered would tell them apart by 3 standard deviations."]
     return []
 
 

@@ -54,9 +54,7 @@ def visibility(
         Effects of which this is asked; by default all.
     """
     terms = [model.terms[n] for n in explanation.terms]
-    further = [
-        model.terms[n] for n in model.effects if n not in explanation.terms and (among is None or n in among)
-    ]
+    further = [model.terms[n] for n in model.effects if n not in explanation.terms and (among is None or n in among)]
     if not further:
         return {}
     coordinates = coordinates_of(model, [*terms, *further])
@@ -77,8 +75,7 @@ def visibility(
             if c.name not in have and len(c.starts) > 2:
                 at[i] = c.starts[shift % len(c.starts)]
         problem = joined(
-            errors_at(model, near, replace(search.setting, apart=explanation.apart), at),
-            search.setting.common,
+            errors_at(model, near, replace(search.setting, apart=explanation.apart), at), search.setting.common
         )
         mean, std = information(
             problem, at, coordinates, explanation.evidence.sizes, [c.name in have for c in coordinates]
@@ -96,9 +93,7 @@ def visibility(
     for term in further:
         if len(term.coordinates) == 1:
             (name,) = seen[term.name]
-            seen[term.name][name] = _asked(
-                model, search, explanation, local, term, seen[term.name][name], here
-            )
+            seen[term.name][name] = _asked(model, search, explanation, local, term, seen[term.name][name], here)
     return seen
 
 
@@ -120,8 +115,7 @@ def _left(
     x = np.array([at[c.name] for c in coordinates])
     try:
         problem = joined(
-            errors_at(model, local, replace(search.setting, apart=explanation.apart), x),
-            search.setting.common,
+            errors_at(model, local, replace(search.setting, apart=explanation.apart), x), search.setting.common
         )
     except (np.linalg.LinAlgError, ValueError):  # the model has no modes there
         return np.inf
@@ -142,9 +136,7 @@ def _asked(
     `here` is the misfit without the term.
     """
     (p,), (c,) = model.effects[term.name].parameters, term.coordinates
-    near = cache(
-        lambda: local.of(coordinates_of(model, [*(model.terms[n] for n in explanation.terms), term]))
-    )
+    near = cache(lambda: local.of(coordinates_of(model, [*(model.terms[n] for n in explanation.terms), term])))
 
     def left(value: float) -> float:
         return _left(model, search, explanation, near(), (term, value))
@@ -163,15 +155,11 @@ def _asked(
 
 def ruled_out(seen: Mapping[str, Mapping[str, Visible]]) -> tuple[str, ...]:
     """Return the effects of one parameter whose usual strength the data contradict."""
-    return tuple(
-        sorted(name for name, of in seen.items() if any(visible.excluded for visible in of.values()))
-    )
+    return tuple(sorted(name for name, of in seen.items() if any(visible.excluded for visible in of.values())))
 
 
 def not_visible(seen: Mapping[str, Mapping[str, Visible]]) -> tuple[str, ...]:
     """Return the effects that would not show at either end of the range of any of their parameters."""
     return tuple(
-        sorted(
-            name for name, of in seen.items() if max((v.reach for v in of.values()), default=0.0) < VISIBLE
-        )
+        sorted(name for name, of in seen.items() if max((v.reach for v in of.values()), default=0.0) < VISIBLE)
     )

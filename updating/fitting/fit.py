@@ -306,9 +306,7 @@ def _estimates(
         modes = _elastic(system, observed, contact.G_f, contact.d_f)
         column = _assign(shape, modes)
         return (
-            kept_estimate(
-                "G_f", "Pa/Pa", contact.G_f, opt_G(measured.frequency[used], modes.frequency[column])
-            ),
+            kept_estimate("G_f", "Pa/Pa", contact.G_f, opt_G(measured.frequency[used], modes.frequency[column])),
             kept_estimate("d_f", "s/Pa", contact.d_f, opt_d(measured.damping[used], modes.damping[column])),
         )
 
@@ -317,18 +315,14 @@ def _estimates(
         column = _assign(shape, modes)
         return modes.frequency[column], modes.frequency_gradient[column, modes.parameter.index("G_f")]
 
-    G_f = estimate_stiffness(
-        frequencies, measured.frequency[used], measured.frequency_std[used], bounds=bounds[0]
-    )
+    G_f = estimate_stiffness(frequencies, measured.frequency[used], measured.frequency_std[used], bounds=bounds[0])
     reference = _elastic(system, observed, G_f.value, 1e-10)
     other_damping = np.zeros(used.size)  # damping by effects, without any of the contact
     if system.stack.effects:
         undamped = _elastic(system, observed, G_f.value, 0.0)
         other_damping = undamped.damping[_assign(shape, undamped)]
     slope = (reference.damping[_assign(shape, reference)] - other_damping) / 1e-10
-    d_f = estimate_damping(
-        slope, measured.damping[used] - other_damping, measured.damping_std[used], bounds=bounds[1]
-    )
+    d_f = estimate_damping(slope, measured.damping[used] - other_damping, measured.damping_std[used], bounds=bounds[1])
     return G_f, d_f
 
 
@@ -388,9 +382,7 @@ def estimate_stiffness(
 
     low, high = np.log(bounds)
     first, ends = [np.clip(np.log(start), low, high)], ([low], [high])
-    solution = scipy.optimize.least_squares(
-        residual, first, jac=jacobian, bounds=ends, xtol=1e-10, ftol=1e-12
-    )
+    solution = scipy.optimize.least_squares(residual, first, jac=jacobian, bounds=ends, xtol=1e-10, ftol=1e-12)
     value = float(np.exp(solution.x[0]))
     frequency, gradient = predict(value)
     return Estimate(
@@ -462,16 +454,11 @@ def _standard_deviation(
 
 
 def _modes_that_pair(
-    system: ReducedSystem,
-    observed: Observed,
-    measured: ModalModel,
-    threshold: float,
-    bounds: tuple[float, float],
+    system: ReducedSystem, observed: Observed, measured: ModalModel, threshold: float, bounds: tuple[float, float]
 ) -> NDArray[np.int64]:
     """Return the measured modes that pair where MAC values, those of subspaces for close modes, sum to most."""
     trials = [
-        pair(measured, _elastic(system, observed, g, 0.0), threshold=threshold)
-        for g in np.geomspace(*bounds, 13)
+        pair(measured, _elastic(system, observed, g, 0.0), threshold=threshold) for g in np.geomspace(*bounds, 13)
     ]
     best = max(trials, key=lambda p: float(np.sum(p.subspace_mac)))
     if best.measured.size == 0:
@@ -503,9 +490,7 @@ def model_file(campaign: Campaign, job: str) -> Path:
         The campaign names none, or no file of the points, by which shapes are compared.
     """
     if campaign.stack is None:
-        raise FitError(
-            f'{campaign.path}: {job} needs the model\'s stack; add stack = "stack.toml" under [structure]'
-        )
+        raise FitError(f'{campaign.path}: {job} needs the model\'s stack; add stack = "stack.toml" under [structure]')
     if campaign.points is None:
         raise FitError(
             f"{campaign.path}: {job} compares shapes and needs the coordinates of the points; add file = "

@@ -70,15 +70,7 @@ def fitted_frf(
     n = min(plain.frequency.size, fit.modes.frequency.size)
     natural = np.sort(fit.modes.frequency[:n])
     ratio = np.interp(frequency, natural, np.sort(plain.frequency[:n]) / natural)
-    return frf(
-        system,
-        G_f=G_f,
-        d_f=d_f,
-        frequency=ratio * frequency,
-        output=responses,
-        input=forces,
-        quantity=quantity,
-    )
+    return frf(system, G_f=G_f, d_f=d_f, frequency=ratio * frequency, output=responses, input=forces, quantity=quantity)
 
 
 SWELL = 0.1
@@ -146,14 +138,10 @@ def shape_pairs(measured: ModalModel, fit: ModelFit | None) -> tuple[ShapePair, 
 
 def any_pair(measured: ModalModel, fit: ModelFit, r: int, s: int) -> ShapePair:
     """Return the measured shape `r` beside the model's shape `s`, whether or not they were paired."""
-    return _shape_pair(
-        measured, r, float(fit.modes.frequency[s]), float(fit.pairing.mac[r, s]), fit.modes.shape[:, s]
-    )
+    return _shape_pair(measured, r, float(fit.modes.frequency[s]), float(fit.pairing.mac[r, s]), fit.modes.shape[:, s])
 
 
-def beside_shape(
-    measured: ModalModel, r: int, partner: tuple[float, float, NDArray[np.float64]]
-) -> ShapePair:
+def beside_shape(measured: ModalModel, r: int, partner: tuple[float, float, NDArray[np.float64]]) -> ShapePair:
     """Return the measured shape `r` beside a partner (n_dof,), given with its frequency (Hz) and its MAC with it."""
     return _shape_pair(measured, r, *partner)
 
@@ -235,9 +223,7 @@ def shape_pair_figure(pair: ShapePair, names: tuple[str, str] = ("measured", "mo
         titles |= {"model": f"{names[1]} {pair.model_frequency:.1f} Hz", "both": f"both, MAC {pair.mac:.4f}"}
     figure = Figure(figsize=(2.4 * len(titles), 1.65))
     figure.subplots_adjust(0.005, 0.01, 0.995, 0.88, 0.02)
-    for axes, (what, title) in zip(
-        np.atleast_1d(figure.subplots(1, len(titles))), titles.items(), strict=True
-    ):
+    for axes, (what, title) in zip(np.atleast_1d(figure.subplots(1, len(titles))), titles.items(), strict=True):
         _draw(axes, pair, what)
         axes.set_title(title, fontsize=8)
     return figure
@@ -254,8 +240,7 @@ def _partners(measured: ModalModel, fit: ModelFit | None) -> dict[int, tuple[int
         if np.count_nonzero(inside) > 1:
             shape[:, inside] = rotate_onto(shape[:, inside], measured.shape[:, pairing.measured[inside]])
     return {
-        int(r): (int(s), shape[:, k].real)
-        for k, (r, s) in enumerate(zip(pairing.measured, pairing.model, strict=True))
+        int(r): (int(s), shape[:, k].real) for k, (r, s) in enumerate(zip(pairing.measured, pairing.model, strict=True))
     }
 
 

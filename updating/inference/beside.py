@@ -18,9 +18,7 @@ from updating.inference.explain import Explanation, Setting, converged
 from updating.inference.protocol import Coordinate, LocalModel, Modal, Screen, State, Term
 
 Vector = NDArray[np.float64]
-_RIGID = (
-    0.01  # of the lowest elastic eigenvalue, up to which a mode with the change is still rigid-body motion
-)
+_RIGID = 0.01  # of the lowest elastic eigenvalue, up to which a mode with the change is still rigid-body motion
 
 
 @dataclass(frozen=True, eq=False)

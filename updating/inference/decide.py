@@ -66,9 +66,7 @@ def decide(search: Search) -> Decision:
     partly = large or left[0].apart or _pulled(left[0], search.freed) or unlisted == "beside"
     several = len(left) > 1 or unlisted == "instead"
     verdict: Verdict = "partly explained" if partly else "one of" if several else "identified"
-    return Decision(
-        verdict=verdict, left=left, steps=_steps(search, left[0]), too_large=large, unlisted=unlisted
-    )
+    return Decision(verdict=verdict, left=left, steps=_steps(search, left[0]), too_large=large, unlisted=unlisted)
 
 
 def _unlisted(search: Search, explanation: Explanation) -> Unlisted | None:
@@ -120,8 +118,7 @@ def _steps(search: Search, explanation: Explanation) -> tuple[Explanation, ...]:
         parts = [
             f
             for f in search.fitted.values()
-            if len(f.terms) == len(steps[-1].terms) + 1
-            and set(steps[-1].terms) < set(f.terms) < set(explanation.terms)
+            if len(f.terms) == len(steps[-1].terms) + 1 and set(steps[-1].terms) < set(f.terms) < set(explanation.terms)
         ]
         if not parts:
             break

@@ -16,12 +16,7 @@ Vector = NDArray[np.float64]
 
 
 def outlook(
-    model: Model,
-    terms: Sequence[Term],
-    setting: Setting,
-    x: Vector,
-    local: LocalModel,
-    sizes: Sizes,
+    model: Model, terms: Sequence[Term], setting: Setting, x: Vector, local: LocalModel, sizes: Sizes
 ) -> tuple[float, Vector]:
     """Return the expected negative cost after one step from some coordinates, and the coordinates there.
 

@@ -113,10 +113,7 @@ class Weighed:
     def __add__(self, other: Weighed) -> Weighed:
         """Return the sum of two, for errors that are independent."""
         return Weighed(
-            self.misfit + other.misfit,
-            self.slope + other.slope,
-            self.hessian + other.hessian,
-            self.log + other.log,
+            self.misfit + other.misfit, self.slope + other.slope, self.hessian + other.hessian, self.log + other.log
         )
 
     @classmethod
@@ -130,9 +127,7 @@ class Weighed:
         root = la.cholesky(covariance, lower=True, check_finite=False)
         white = la.solve_triangular(root, np.column_stack([value, jacobian]), lower=True, check_finite=False)
         product = white.T @ white
-        return cls(
-            float(product[0, 0]), product[1:, 0], product[1:, 1:], float(np.sum(np.log(np.diag(root))))
-        )
+        return cls(float(product[0, 0]), product[1:, 0], product[1:, 1:], float(np.sum(np.log(np.diag(root)))))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -289,11 +284,7 @@ class Spectrum:
         """Return whitened errors and derivatives, and the logarithm of the determinant of the covariance."""
         variance = 1.0 + size**2 * self.growth
         root = 1.0 / np.sqrt(variance)
-        return (
-            self.value * root,
-            self.jacobian * root[:, None],
-            self.log_noise + float(np.sum(np.log(variance))),
-        )
+        return (self.value * root, self.jacobian * root[:, None], self.log_noise + float(np.sum(np.log(variance))))
 
 
 def roots(problem: Problem, sizes: Sizes) -> tuple[Vector, Vector]:
@@ -422,9 +413,7 @@ def evidence(
     for errors, prior in zip((stiffness, damping), priors, strict=True):
         variance = 1.0 + prior.grid[:, None] ** 2 * errors.growth  # (n_size, N)
         hessian = np.einsum("np,gn,nq->gpq", errors.jacobian, 1.0 / variance, errors.jacobian, optimize=True)
-        misfit = (
-            np.sum(errors.value**2 / variance, axis=1) + np.sum(np.log(variance), axis=1) + errors.log_noise
-        )
+        misfit = np.sum(errors.value**2 / variance, axis=1) + np.sum(np.log(variance), axis=1) + errors.log_noise
         parts.append((hessian, misfit, prior.log_density))
     (h1, q1, p1), (h2, q2, p2) = parts
     total = h1[:, None] + h2[None] + np.diag(precision + 1e-12) + problem.curvature

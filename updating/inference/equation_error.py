@@ -304,9 +304,7 @@ def _coordinates(
     prior = np.clip(width / np.abs(gap), 0.02, 3.0) ** -2.0
     sure = (length / noise) ** 2
     inverse = gram * sure[:, None, None] + prior[:, :, None] * np.eye(len(gram))
-    half = np.linalg.inv(
-        np.linalg.cholesky(inverse)
-    )  # its square stays positive where the inverse by itself may not
+    half = np.linalg.inv(np.linalg.cholesky(inverse))  # its square stays positive where the inverse by itself may not
     covariance = half.transpose(0, 2, 1) @ half
     a = np.einsum("rij,rj->ri", covariance, seen) * (length / noise**2)[:, None]
     return a, inverse, covariance

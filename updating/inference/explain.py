@@ -157,17 +157,13 @@ def setting(
 ) -> Setting:
     """Return what all fits of a campaign share: noise of the shapes, from a model near them, and shares of states."""
     noise = tuple(shape_noise(state, local.modal(x, c)) for c, state in enumerate(model.states))
-    return Setting(
-        noise=noise, common=shared_levels([state.path for state in model.states], shares), priors=priors
-    )
+    return Setting(noise=noise, common=shared_levels([state.path for state in model.states], shares), priors=priors)
 
 
 def errors_at(model: Model, local: LocalModel, setting: Setting, x: Vector) -> tuple[Errors, ...]:
     """Return the errors of all states at coordinates."""
     return tuple(
-        equation_errors(
-            state, local.modal(x, c), setting.noise[c], x.size, [r for d, r in setting.apart if d == c]
-        )
+        equation_errors(state, local.modal(x, c), setting.noise[c], x.size, [r for d, r in setting.apart if d == c])
         for c, state in enumerate(model.states)
     )
 
@@ -218,14 +214,7 @@ def explain(
 
     def fit(apart: frozenset[tuple[int, int]], x: Vector, sizes: Sizes) -> Explanation:
         return converged(
-            model,
-            terms,
-            replace(setting, apart=apart),
-            x,
-            local=local,
-            sizes=sizes,
-            rounds=rounds,
-            steps=steps,
+            model, terms, replace(setting, apart=apart), x, local=local, sizes=sizes, rounds=rounds, steps=steps
         )
 
     best = fit(setting.apart, start, sizes)
@@ -461,9 +450,7 @@ def _evidence(
     if isinstance(problem, TreeProblem):
         return tree_evidence(problem, x, precision, log_prior, priors, sizes)
     stiffness = spectrum(problem.value, problem.jacobian, problem.noise, problem.discrepancy)
-    damping = spectrum(
-        problem.damping, problem.damping_jacobian, problem.damping_noise, problem.damping_discrepancy
-    )
+    damping = spectrum(problem.damping, problem.damping_jacobian, problem.damping_noise, problem.damping_discrepancy)
     marginal = evidence(stiffness, damping, problem, x, precision, log_prior, priors)
     return marginal, _std((stiffness, damping), marginal, problem, x, precision, priors)
 

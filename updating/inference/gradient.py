@@ -92,9 +92,7 @@ class Latent:
         sure = self.sure * self.looked
         rest = (self.shape - mean @ modal.rows.T) * sure[:, None]
         seen = (modal.rows @ covariance) * sure[:, None, None]
-        by_rows = (
-            seen - rest[:, :, None] * mean[:, None, :]
-        )  # derivative by each element of dPsi, (n, n_dof, m)
+        by_rows = seen - rest[:, :, None] * mean[:, None, :]  # derivative by each element of dPsi, (n, n_dof, m)
         total = np.zeros((n, n_coordinate))
         if modal.looks.size:
             total[:, modal.looks] += _times(by_rows, modal.row_change)

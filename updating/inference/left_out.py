@@ -43,9 +43,7 @@ class LeftOut:
         if states is None:
             return self
         here = np.isin(self.state, list(states))
-        return replace(
-            self, errors={kind: np.where(here, error, np.nan) for kind, error in self.errors.items()}
-        )
+        return replace(self, errors={kind: np.where(here, error, np.nan) for kind, error in self.errors.items()})
 
     @property
     def frequency(self) -> float:

@@ -61,9 +61,7 @@ def robust_start(
         before = at
         for middle in np.arange(-reach, reach + 1e-9, c.longest):
             around = middle + c.longest * ((np.arange(per_step) + 0.5) / per_step - 0.5)
-            points = [
-                np.array([*before[:i], before[i] + away, *before[i + 1 :]]) for away in (middle, *around)
-            ]
+            points = [np.array([*before[:i], before[i] + away, *before[i + 1 :]]) for away in (middle, *around)]
             points = [x for x in points if c.lower <= x[i] <= c.upper]
             if not points:
                 continue
@@ -86,9 +84,7 @@ def _mixture(errors: Sequence[Errors], size: float) -> tuple[float, frozenset[tu
         discrepancy = joined([of_state], np.ones((1, 1))).discrepancy.reshape(n, m, n, m)
         wide = apart_from(of_state, old=(), new=range(n)).noise
         for r, value in enumerate(of_state.value):
-            mine = math.log(1.0 - STRANGE) + _log_normal(
-                value, of_state.noise[r] + size**2 * discrepancy[r, :, r]
-            )
+            mine = math.log(1.0 - STRANGE) + _log_normal(value, of_state.noise[r] + size**2 * discrepancy[r, :, r])
             strange = math.log(STRANGE) + _log_normal(value, wide[r])
             total += float(np.logaddexp(mine, strange)) + float(of_state.log_maps[r])
             if strange > mine:

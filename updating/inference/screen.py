@@ -44,9 +44,7 @@ class _Origin:
 def _origin(model: Model, setting: Setting, screens: tuple[Screen, ...], x: Vector, sizes: Sizes) -> _Origin:
     """Put the measured modes into the model at a point."""
     errors = tuple(
-        equation_errors(
-            state, screen.modal, setting.noise[c], x.size, [r for d, r in setting.apart if d == c]
-        )
+        equation_errors(state, screen.modal, setting.noise[c], x.size, [r for d, r in setting.apart if d == c])
         for c, (state, screen) in enumerate(zip(model.states, screens, strict=True))
     )
     problem = joined(errors, setting.common)
@@ -92,9 +90,7 @@ def _changed(state: State, errors: Errors, modal: Modal, change: Change) -> tupl
     omega = 2.0 * np.pi * state.frequency
     before = 2.0 * omega * state.damping * np.exp(-errors.damping)
     after = np.maximum(before + lost[0], 2e-3 * omega * state.damping)
-    return value, np.vstack(
-        [np.log(before * carried[0] / after), carried[1:] / carried[0] - lost[1:] / after]
-    ).T
+    return value, np.vstack([np.log(before * carried[0] / after), carried[1:] / carried[0] - lost[1:] / after]).T
 
 
 def screened(
@@ -165,9 +161,7 @@ def screened(
     def reached(setting: Setting, of_term: Mapping[str, list[tuple[float, int, Vector]]]) -> dict[str, Any]:
         ends_of = dict[str, tuple[float, Vector, LocalModel]]()
         by_name = {term.name: term for term in further}
-        for rank, name in enumerate(
-            sorted(of_term, key=lambda name: -max(expected for expected, *_ in of_term[name]))
-        ):
+        for rank, name in enumerate(sorted(of_term, key=lambda name: -max(expected for expected, *_ in of_term[name]))):
             starts = sorted(of_term[name], key=lambda trial: -trial[0])
             known = np.isfinite(starts[0][0])
             if rank >= asked and known:

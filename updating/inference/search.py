@@ -13,15 +13,7 @@ from numpy.typing import NDArray
 
 from updating.inference.descent import outlook
 from updating.inference.discrepancy import DAMPING, STIFFNESS, SizePrior
-from updating.inference.explain import (
-    Explanation,
-    Setting,
-    converged,
-    coordinates_of,
-    explain,
-    setting,
-    too_large,
-)
+from updating.inference.explain import Explanation, Setting, converged, coordinates_of, explain, setting, too_large
 from updating.inference.left_out import Kind, LeftOut, left_out
 from updating.inference.levels import (
     DAMPING_MATTERS,
@@ -192,10 +184,7 @@ def begin(
     def beside(x: Vector) -> Setting:
         return setting(model, model.about(nuisances, [x]), x, shares=shares, priors=priors)
 
-    best = min(
-        map(first, starts),
-        key=lambda f: np.mean([np.mean(e.frequency**2) for e in f.errors]),
-    )
+    best = min(map(first, starts), key=lambda f: np.mean([np.mean(e.frequency**2) for e in f.errors]))
     common = beside(best.x)
     best = explain(model, [], common, best.x)
     if too_large(best, priors):
@@ -322,9 +311,7 @@ def _refitted(model: Model, common: Setting, fit: Explanation, steps: int = 8) -
         return fit
 
 
-def _sharpened(
-    model: Model, common: Setting, best: Explanation, *, less: float = 0.7
-) -> tuple[Model, Setting, bool]:
+def _sharpened(model: Model, common: Setting, best: Explanation, *, less: float = 0.7) -> tuple[Model, Setting, bool]:
     """Return model and setting with the noise of shapes beside an explanation, where less, and whether that matters."""
     beside = setting(model, model.about(best.coordinates, [best.x]), best.x, shares=(1.0, 0.0, 0.0))
     noise = tuple(np.minimum(*pair) for pair in zip(common.noise, beside.noise, strict=True))
@@ -367,9 +354,7 @@ def extended(
     if at.evidence.sizes.stiffness > common.priors[0].quantile(1.0 - INADEQUATE):
         names = [c.name for c in model.nuisances]
         origins += [{**have, **dict(zip(names, start, strict=True))} for start in starts]
-    local = model.about(
-        coordinates, [np.array([origin.get(c.name, 0.0) for c in coordinates]) for origin in origins]
-    )
+    local = model.about(coordinates, [np.array([origin.get(c.name, 0.0) for c in coordinates]) for origin in origins])
     fits = dict[str, Explanation]()
     sizes, none = at.evidence.sizes, frozenset[tuple[int, int]]()
     settings = [replace(common, apart=apart) for apart in dict.fromkeys((at.apart, none))]
@@ -392,11 +377,7 @@ def extended(
 
 
 def _needed(
-    model: Model,
-    common: Setting,
-    among: Search,
-    fitted: dict[frozenset[str], Explanation],
-    chosen: Explanation,
+    model: Model, common: Setting, among: Search, fitted: dict[frozenset[str], Explanation], chosen: Explanation
 ) -> Explanation:
     """Drop terms that are no longer needed, or less probable than something unlisted; fit what is missing for that."""
     while len(chosen.terms) > 1:

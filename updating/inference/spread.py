@@ -33,9 +33,7 @@ def rise(
     precision = np.array([c.std**-2.0 for c in coordinates])[have]
     slope = jacobian[:, have].T @ value + problem.beside(sizes).sum(axis=0)[have] + precision * x[have]
     hessian = (
-        jacobian[:, have].T @ jacobian[:, have]
-        + problem.curvature[np.ix_(have, have)]
-        + np.diag(precision + 1e-12)
+        jacobian[:, have].T @ jacobian[:, have] + problem.curvature[np.ix_(have, have)] + np.diag(precision + 1e-12)
     )
     return float(value @ value + precision @ x[have] ** 2 - slope @ scaled_solve(hessian, slope))
 

@@ -337,16 +337,12 @@ def pulls(problem: TreeProblem, size: float) -> list[tuple[Vector, Vector]]:
         n, m = errors.value.shape
         mode = np.arange(n)
         by_mode = weighed.reshape(n, m, p)
-        blocks = inverse.reshape(n, m, n, m)[mode, :, mode] - by_mode @ covariance @ by_mode.transpose(
-            0, 2, 1
-        )
+        blocks = inverse.reshape(n, m, n, m)[mode, :, mode] - by_mode @ covariance @ by_mode.transpose(0, 2, 1)
         by_state.append(((pull - weighed @ mean).reshape(n, m), blocks))
     return by_state
 
 
-def _add_message(
-    messages: dict[Path, tuple[Vector, Vector]], node: Path, precision: Vector, pull: Vector
-) -> None:
+def _add_message(messages: dict[Path, tuple[Vector, Vector]], node: Path, precision: Vector, pull: Vector) -> None:
     """Add a message on the discrepancy of a node."""
     known = messages.get(node)
     messages[node] = (precision, pull) if known is None else (known[0] + precision, known[1] + pull)
@@ -379,10 +375,7 @@ def tree_problem(errors: Sequence[Errors], tree: Tree, n_coordinate: int) -> Tre
         jacobian[:, touched] = of_state.damping_jacobian
         damping_jacobian.append(jacobian)
     ratio = np.concatenate([e.damping for e in errors])
-    seen, at = (
-        np.isfinite(ratio),
-        np.concatenate([np.full(len(e.damping), c) for c, e in enumerate(errors)]),
-    )
+    seen, at = (np.isfinite(ratio), np.concatenate([np.full(len(e.damping), c) for c, e in enumerate(errors)]))
     common = shared_levels(tree.paths, tree.shares)
     all_turned = np.vstack(turned)
     of_damping = common[np.ix_(at, at)] * (all_turned @ all_turned.T) ** 2 + _DAMPING_NUGGET * np.eye(at.size)

@@ -56,9 +56,7 @@ def tree_evidence(
     def log(pair: list[float]) -> float:
         weighed = looks[0](pair[0]) + looks[1](pair[1])
         inner = weighed.misfit + 2.0 * weighed.log + float(np.linalg.slogdet(weighed.hessian + known)[1])
-        prior = sum(
-            prior_of_size.log_density_at(size) for prior_of_size, size in zip(priors, pair, strict=True)
-        )
+        prior = sum(prior_of_size.log_density_at(size) for prior_of_size, size in zip(priors, pair, strict=True))
         return -0.5 * (inner + float(np.sum(precision * x**2))) + prior
 
     widths = [0.0, 0.0]

@@ -134,9 +134,7 @@ def _states(problem: TreeProblem, *, deep: bool) -> Iterator[Without]:
 def _modes(problem: TreeProblem, *, alike: float = 0.7) -> Iterator[Without]:
     """Yield the errors that are kept when one mode of the structure is left out of all states that have it."""
     left = [set(range(len(coordinates))) for coordinates in problem.turned]
-    unit = [
-        coordinates / np.linalg.norm(coordinates, axis=1, keepdims=True) for coordinates in problem.turned
-    ]
+    unit = [coordinates / np.linalg.norm(coordinates, axis=1, keepdims=True) for coordinates in problem.turned]
     for c in range(len(unit)):
         while left[c]:
             first = unit[c][min(left[c])]

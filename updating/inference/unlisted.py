@@ -187,13 +187,7 @@ def _directions(pull: Vector, change: _Change, n: int) -> list[Vector]:
 
 
 def _integrated(
-    errors: _Eliminated,
-    change: _Change,
-    direction: Vector,
-    strength: float,
-    *,
-    steps: int = 40,
-    small: float = 0.05,
+    errors: _Eliminated, change: _Change, direction: Vector, strength: float, *, steps: int = 40, small: float = 0.05
 ) -> tuple[float, Vector]:
     """Return minus the least cost, integrated over directions about the best by Laplace's method, and this."""
     precision, damp = strength**-2.0, 1e-3

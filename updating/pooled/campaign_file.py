@@ -184,9 +184,7 @@ def read_specimens(path: Path) -> SpecimenCampaign:
     _require_unique(path, content)
     folder = path.resolve().parent
     files = [folder / (specimen.stack or content.structure.stack) for specimen in content.specimen]
-    stacks = tuple(
-        _stack(path, file, specimen) for file, specimen in zip(files, content.specimen, strict=True)
-    )
+    stacks = tuple(_stack(path, file, specimen) for file, specimen in zip(files, content.specimen, strict=True))
     listed = content.points is not None and content.points.file is not None
     geometry = geometry_of(path, folder, content.points)[0] if content.points is not None and listed else None
     sources = [
@@ -235,14 +233,10 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
         for c in specimen.configuration:
             state = stack if c.pressure_kPa is None else stack.with_contact(pressure=1e3 * c.pressure_kPa)
             modes = (
-                identified(full_name(specimen, c))
-                if c.measured
-                else _tabled(campaign, stack, specimen, c, of_classes)
+                identified(full_name(specimen, c)) if c.measured else _tabled(campaign, stack, specimen, c, of_classes)
             )
             tested.append((c.name, state.contact.pressure, modes))
-        specimens.append(
-            Specimen(name=specimen.name, stack=stack, tested=tuple(tested), notes=dict(specimen.notes))
-        )
+        specimens.append(Specimen(name=specimen.name, stack=stack, tested=tuple(tested), notes=dict(specimen.notes)))
     return tuple(specimens)
 
 
@@ -318,9 +312,7 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
     if not sections:
         return None
     if content.points is None or content.points.file is None:
-        raise FitError(
-            f"{path}: points: this table, or file in it, is missing; FRFs need the list of measured points"
-        )
+        raise FitError(f"{path}: points: this table, or file in it, is missing; FRFs need the list of measured points")
     return campaign_of(
         path,
         CampaignFile.model_construct(
@@ -347,9 +339,7 @@ def _require_unique(path: Path, content: SpecimensFile) -> None:
         states = [c.name for c in specimen.configuration]
         if len(set(states)) < len(states):
             there = ", ".join(states)
-            raise FitError(
-                f"{path}: specimen {specimen.name!r}: configuration: names must be unique, found {there}"
-            )
+            raise FitError(f"{path}: specimen {specimen.name!r}: configuration: names must be unique, found {there}")
 
 
 def _require_files(path: Path, files: list[Path]) -> None:

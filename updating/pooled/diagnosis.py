@@ -29,14 +29,7 @@ from updating.pooled.search import PooledSearch, begin, fit_terms, searched
 from updating.pooled.specimen import Specimen, levels_of
 from updating.pooled.specimens_model import SpecimensModel
 from updating.pooled.states import Contacts, contrasts_of, far_off, mode_answers
-from updating.results.pooled import (
-    Part,
-    PooledDiagnosis,
-    PooledRanked,
-    PooledVerdict,
-    SpecimenAnswer,
-    sentences,
-)
+from updating.results.pooled import Part, PooledDiagnosis, PooledRanked, PooledVerdict, SpecimenAnswer, sentences
 from updating.results.text import Z95
 
 Vector = NDArray[np.float64]
@@ -84,9 +77,7 @@ def diagnose_specimens(
     PairingError
         Measured points do not lie on a stack, or are fewer than the modes.
     """
-    model, impossible = specimens_model(
-        specimens, effects, scatter=scatter, executor=executor, reduced=reduced
-    )
+    model, impossible = specimens_model(specimens, effects, scatter=scatter, executor=executor, reduced=reduced)
     if asked and impossible:
         raise FitError("; ".join(impossible.values()))
     base_fit = begin(model, priors_of(scatter or DiagnosisScatter()))
@@ -162,8 +153,7 @@ def concluded(
         name=name,
         verdict=verdict,
         ranking=tuple(
-            _ranked(model, results, item, float(chance))
-            for item, chance in zip(judged, probability, strict=True)
+            _ranked(model, results, item, float(chance)) for item, chance in zip(judged, probability, strict=True)
         ),
         left=max(len(left), 1),
         specimens=tuple(_specimens(model, contacts, results.base, by_fit[id(first)])),
@@ -227,9 +217,7 @@ def _mean(predicted: LeftOut, states: Sequence[int]) -> float:
     return float(np.mean(np.abs(errors))) if errors.size else float("nan")
 
 
-def _specimens(
-    model: SpecimensModel, contacts: Contacts, base: Explanation, judged: _Judged
-) -> list[SpecimenAnswer]:
+def _specimens(model: SpecimensModel, contacts: Contacts, base: Explanation, judged: _Judged) -> list[SpecimenAnswer]:
     """Return what is said of each specimen."""
     fit, answers = judged.fit, []
     alone = {

@@ -117,10 +117,7 @@ def _candidates(
 
 
 def _group(
-    specimens: Sequence[Specimen],
-    candidates: CandidateModel,
-    members: Sequence[int],
-    scatter: DiagnosisScatter,
+    specimens: Sequence[Specimen], candidates: CandidateModel, members: Sequence[int], scatter: DiagnosisScatter
 ) -> tuple[Group, Mapping[str, str]]:
     """Return some specimens beside a model, and why effects cannot show in them."""
     middle = specimens[members[len(members) // 2]]
@@ -131,12 +128,8 @@ def _group(
     tested, observation, first = [], [], [0]
     for i in members:
         for name, pressure, modes in specimens[i].tested:
-            tested.append(
-                Tested(name=f"{specimens[i].name} {name}", pressure=pressure, modes=modes, state=name)
-            )
-            observation.append(
-                register(candidates.stack, modes.geometry, modes.node, modes.direction).observation
-            )
+            tested.append(Tested(name=f"{specimens[i].name} {name}", pressure=pressure, modes=modes, state=name))
+            observation.append(register(candidates.stack, modes.geometry, modes.node, modes.direction).observation)
         first.append(len(tested))
     start = (evidence.start["G_f"], evidence.start["d_f"])
     model = StackModel(candidates, tested, observation, scatter, evidence.effects, start=start[0])

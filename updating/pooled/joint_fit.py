@@ -92,8 +92,7 @@ def joint_fit(
     settings.require(effects, dict(zip(labels, n_mode, strict=True)))
     moved = [replace(specimen, stack=settings.stack(specimen.stack)) for specimen in specimens]
     kept = [
-        ~np.isin(np.arange(n), list(settings.hold_out.get(label, ())))
-        for label, n in zip(labels, n_mode, strict=True)
+        ~np.isin(np.arange(n), list(settings.hold_out.get(label, ()))) for label, n in zip(labels, n_mode, strict=True)
     ]
     request = FitRequest(tuple(effects), dict(effects), settings, tuple(kept))
     if len(moved) == 1:
@@ -179,9 +178,7 @@ def _of_one(
         }
         model, search = informed, replace(search, fitted={frozenset(n): fit for n, fit in fitted.items()})
     ranking = {row.effects: row for row in rank(model, search, first, tuple(search.fitted.values()))}
-    ranked = [
-        next(row for e, row in ranking.items() if set(e) == set(names)) for names in request.combinations
-    ]
+    ranked = [next(row for e, row in ranking.items() if set(e) == set(names)) for names in request.combinations]
     whole = StackModel(
         candidates,
         evidence.tested,
@@ -269,9 +266,7 @@ def fit_several(
         fits.append(
             Fitted(
                 model=model,
-                whole=_with_effects(whole, model.first.effects, model.first.settings)
-                if request.held
-                else None,
+                whole=_with_effects(whole, model.first.effects, model.first.settings) if request.held else None,
                 fit=fit,
                 common=pooled.search.setting,
                 kept=request.kept,
@@ -295,22 +290,14 @@ def _with_modes(model: SpecimensModel, request: FitRequest) -> SpecimensModel:
     groups = []
     for g, group in enumerate(model.groups):
         kept = {c: request.kept[i] for i, (_, index, c) in enumerate(model.place) if index == g}
-        part = FitRequest(
-            request.names, request.effects, request.settings, tuple(kept[c] for c in range(len(kept)))
-        )
-        groups.append(
-            replace(group, model=group.model.of_tests(part.of(group.model.tested), group.model.observation))
-        )
+        part = FitRequest(request.names, request.effects, request.settings, tuple(kept[c] for c in range(len(kept))))
+        groups.append(replace(group, model=group.model.of_tests(part.of(group.model.tested), group.model.observation)))
     return model.with_groups(groups)
 
 
-def _with_effects(
-    model: SpecimensModel, effects: Mapping[str, Effect], settings: FitSettings
-) -> SpecimensModel:
+def _with_effects(model: SpecimensModel, effects: Mapping[str, Effect], settings: FitSettings) -> SpecimensModel:
     """Return the model of specimens with effects whose parameters have settings."""
-    groups: list[Group] = [
-        replace(group, model=group.model.with_effects(effects, settings)) for group in model.groups
-    ]
+    groups: list[Group] = [replace(group, model=group.model.with_effects(effects, settings)) for group in model.groups]
     return model.with_groups(groups)
 
 
@@ -388,9 +375,7 @@ def entry_of_several(names: Sequence[str], fitted: Fitted, sizes: Sizes) -> Entr
         configuration_damping_error=_mean(configurations, "damping"),
         chi_square=fit.problem.weighed(sizes).misfit + float(np.sum(fit.pulls[held] ** 2)),
         n_residual=frequency.size * fit.errors[0].value.shape[1] + fit.problem.damping.size,
-        shared=tuple(
-            estimate_of(model, fit, c.name) for c in fit.coordinates[fit.n_nuisance :] if not is_pinned(c)
-        ),
+        shared=tuple(estimate_of(model, fit, c.name) for c in fit.coordinates[fit.n_nuisance :] if not is_pinned(c)),
         strained=tuple(pulled_text(far_off(model, fit))),
     )
 

@@ -94,8 +94,7 @@ def joint_answer(fitted: Fitted, labels: Sequence[str], entry: Entry, settings: 
         covariance=covariance,
         moved=_moved(fitted),
         discrepancy=Sizes(
-            frequency=middle.stiffness / float(np.sqrt(2.0)),
-            damping=middle.damping if damped(fit) else float("nan"),
+            frequency=middle.stiffness / float(np.sqrt(2.0)), damping=middle.damping if damped(fit) else float("nan")
         ),
         chi_square=entry.chi_square,
         n_residual=entry.n_residual,
@@ -136,9 +135,7 @@ class _Quantity:
         """Return the estimate with its interval, `std` being its standard deviation."""
         at = list(self.at)
         middle = float(fit.x[at].sum())
-        bearing = next(
-            (fit.coordinates[i] for i in at if not is_pinned(fit.coordinates[i])), fit.coordinates[at[0]]
-        )
+        bearing = next((fit.coordinates[i] for i in at if not is_pinned(fit.coordinates[i])), fit.coordinates[at[0]])
         value, slope = self.of(middle)
         reach = Z95 * std / abs(slope)
         alone = len([i for i in at if not is_pinned(fit.coordinates[i])]) == 1
@@ -196,8 +193,7 @@ def _contact(fitted: Fitted, labels: Sequence[str], settings: FitSettings) -> li
             group = {"all": "", "specimen": specimen, "configuration": label}[scope]
             seen.setdefault(group, tuple(n for n in wanted if n in at))
         quantities += [
-            _Quantity(what, UNITS[what], group, tuple(at[n] for n in names), of)
-            for group, names in seen.items()
+            _Quantity(what, UNITS[what], group, tuple(at[n] for n in names), of) for group, names in seen.items()
         ]
     return quantities
 
@@ -265,9 +261,7 @@ def _moved(fitted: Fitted) -> tuple[Moved, ...]:
     return moved(fitted.first.stack, part)
 
 
-def _configurations(
-    fitted: Fitted, labels: Sequence[str], settings: FitSettings
-) -> tuple[ConfigurationFit, ...]:
+def _configurations(fitted: Fitted, labels: Sequence[str], settings: FitSettings) -> tuple[ConfigurationFit, ...]:
     """Return each configuration beside the model, as it was stated and as it was fitted."""
     fit, whole = fitted.fit, fitted.whole or fitted.model
     stated = np.zeros(fit.n_nuisance)
@@ -282,14 +276,10 @@ def _configurations(
         frequency = state.frequency * np.exp(-_frequency_errors(errors, paired=fitted.paired))
         damping = state.damping * np.exp(-errors.damping)
         if fitted.whole is not None:  # modes that were fitted keep the errors of the fit
-            frequency[kept] = state.frequency[kept] * np.exp(
-                -_frequency_errors(fit.errors[c], paired=fitted.paired)
-            )
+            frequency[kept] = state.frequency[kept] * np.exp(-_frequency_errors(fit.errors[c], paired=fitted.paired))
             damping[kept] = state.damping[kept] * np.exp(-fit.errors[c].damping)
         left_out_frequency = np.full(kept.size, np.nan)
-        left_out_frequency[kept] = state.frequency[kept] * np.exp(
-            -predicted.errors["frequency"][predicted.state == c]
-        )
+        left_out_frequency[kept] = state.frequency[kept] * np.exp(-predicted.errors["frequency"][predicted.state == c])
         measured = _measured_damping(whole, c) if settings.damping else np.full(kept.size, np.nan)
         likeness = np.full(kept.size, np.nan)
         if not (fitted.classed and fitted.classed[c]):
@@ -305,8 +295,7 @@ def _configurations(
                 frequency=frequency,
                 damping=damping,
                 frequency_left_out=left_out_frequency,
-                frequency_before=state.frequency
-                * np.exp(-_frequency_errors(before[c], paired=fitted.paired)),
+                frequency_before=state.frequency * np.exp(-_frequency_errors(before[c], paired=fitted.paired)),
                 damping_before=state.damping * np.exp(-before[c].damping),
                 mac=likeness,
             )

@@ -217,21 +217,14 @@ def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
     if np.any(frequency <= 0.0):
         raise FitError(f"{path}: frequency_Hz must be above 0, found {frequency.min():g}")
     blank = [not cell.strip() for cell in table.get("damping", [""] * frequency.size)]
-    filled = {
-        **table,
-        "damping": [cell or str(_DAMPING) for cell in table.get("damping", [""] * frequency.size)],
-    }
+    filled = {**table, "damping": [cell or str(_DAMPING) for cell in table.get("damping", [""] * frequency.size)]}
     damping = _numbers(path, filled, "damping")
     if np.any((damping <= 0.0) | (damping >= 1.0)):
-        raise FitError(
-            f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}"
-        )
+        raise FitError(f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}")
     known = "frequency_std_Hz" in table
     frequency_std = _numbers(path, table, "frequency_std_Hz") if known else FREQUENCY_STD * frequency
     damping_std = (
-        _numbers(path, table, "damping_std")
-        if "damping_std" in table and not any(blank)
-        else DAMPING_STD * damping
+        _numbers(path, table, "damping_std") if "damping_std" in table and not any(blank) else DAMPING_STD * damping
     )
     return np.stack([frequency, frequency_std, damping, np.where(blank, unknown * damping, damping_std)])
 
@@ -268,7 +261,5 @@ def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> NDAr
     odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > largest_number))
     if odd.size:
         i = int(odd[0])
-        raise FitError(
-            f"{path}: row {i + 2}: {name} is {columns[name][i]!r}, expected a whole number, at most 1e10"
-        )
+        raise FitError(f"{path}: row {i + 2}: {name} is {columns[name][i]!r}, expected a whole number, at most 1e10")
     return numbers.astype(np.int64)

@@ -47,10 +47,7 @@ Scoped = dict[str, tuple[Coordinate, Scope]]
 
 
 def nuisances_of(
-    local: Mapping[str, Coordinate],
-    names: Sequence[str],
-    states: Sequence[Sequence[str]],
-    scatter: Mapping[str, float],
+    local: Mapping[str, Coordinate], names: Sequence[str], states: Sequence[Sequence[str]], scatter: Mapping[str, float]
 ) -> Scoped:
     """Return the coordinates of the base model: what specimens share, and what belongs to each.
 
@@ -106,9 +103,7 @@ def with_settings(scoped: Scoped, model: StackModel, names: Sequence[str], setti
     settings : FitSettings
         What is known.
     """
-    several = {
-        scope.members[0] for key, (_, scope) in scoped.items() if _level(key, names) == "configuration"
-    }
+    several = {scope.members[0] for key, (_, scope) in scoped.items() if _level(key, names) == "configuration"}
     usual = {c.name: c for c in model.nuisances}
     made = Scoped()
     for key, (c, scope) in scoped.items():
@@ -143,10 +138,7 @@ class Meant:
 
 
 def terms_of(
-    model: StackModel,
-    levels: Sequence[Level],
-    nuisances: Scoped,
-    states_of: Sequence[Sequence[int]],
+    model: StackModel, levels: Sequence[Level], nuisances: Scoped, states_of: Sequence[Sequence[int]]
 ) -> tuple[dict[str, Term], dict[str, Meant], Scoped]:
     """Return all that may be missing, what each term is, and where its coordinates act.
 
@@ -174,9 +166,7 @@ def terms_of(
         prior = float(np.log(MISSING / n_effect / len(set(kinds)) / kinds.count(level.kind)))
         states = tuple(c for s in level.members for c in states_of[s])
 
-        def add(
-            effect: str, level: Level, coordinates: dict[str, tuple[Coordinate, str]], **frees: float
-        ) -> None:
+        def add(effect: str, level: Level, coordinates: dict[str, tuple[Coordinate, str]], **frees: float) -> None:
             name = named(effect, level)
             terms[name] = Term(
                 name=name,
@@ -191,11 +181,7 @@ def terms_of(
 
         for effect in model.effects:
             by_name = {named(c.name, level): c for c in of_stack[effect].coordinates}
-            add(
-                effect,
-                level,
-                {full_name: (replace(c, name=full_name), c.name) for full_name, c in by_name.items()},
-            )
+            add(effect, level, {full_name: (replace(c, name=full_name), c.name) for full_name, c in by_name.items()})
         for effect, frees in hypotheses.items():
             if level.kind == "group":
                 continue
@@ -218,9 +204,7 @@ def terms_of(
 
 
 def _normal(name: str, std: float) -> Coordinate:
-    return Coordinate(
-        name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=0.1, longest=0.4
-    )
+    return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=0.1, longest=0.4)
 
 
 def named(effect: str, level: Level) -> str:

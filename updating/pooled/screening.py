@@ -54,12 +54,7 @@ class Screened:
         return self.leads()
 
 
-def screen(
-    model: SpecimensModel,
-    common: Setting,
-    at: Explanation,
-    origin: Mapping[str, float],
-) -> dict[str, Screened]:
+def screen(model: SpecimensModel, common: Setting, at: Explanation, origin: Mapping[str, float]) -> dict[str, Screened]:
     """Return what every further term could add to a fit, by its name.
 
     Parameters
@@ -76,11 +71,7 @@ def screen(
     coordinates = list({c.name: c for c in (*present, *further)}.values())
     start = {c.name: float(origin.get(c.name, 0.0)) for c in coordinates}
     near = model.about(coordinates, [np.array(list(start.values()))])
-    placed = {
-        n
-        for n in effects
-        if any(len(c.starts) > 2 and c.name not in base for c in model.terms[n].coordinates)
-    }
+    placed = {n for n in effects if any(len(c.starts) > 2 and c.name not in base for c in model.terms[n].coordinates)}
     best: dict[str, Screened] = {}
     most = max((len(c.starts) for n in placed for c in model.terms[n].coordinates), default=1)
     for turn in range(max(most, 1)):
@@ -91,9 +82,7 @@ def screen(
         ]
         here = {c.name: start[c.name] for c in kept}
         here |= {
-            c.name: float(c.starts[turn % len(c.starts)])
-            for c in kept
-            if len(c.starts) > 2 and c.name not in base
+            c.name: float(c.starts[turn % len(c.starts)]) for c in kept if len(c.starts) > 2 and c.name not in base
         }
         for candidate in _turn(model, common, at, near, kept, here, tried, whole=turn == 0):
             if candidate.name not in best or candidate.level > best[candidate.name].level:
@@ -166,8 +155,7 @@ def _in_fit(model: SpecimensModel, at: Explanation, term: Term) -> bool:
     """Return whether a fit has this term already: the same effect at the same specimens."""
     meant = model.meant[term.name]
     return any(
-        model.meant[n].effect == meant.effect
-        and set(model.meant[n].level.members) == set(meant.level.members)
+        model.meant[n].effect == meant.effect and set(model.meant[n].level.members) == set(meant.level.members)
         for n in at.terms
     )
 
@@ -194,9 +182,7 @@ class Bordered:
 
     level: float
 
-    def __init__(
-        self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, x: Vector, precision: Vector
-    ) -> None:
+    def __init__(self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, x: Vector, precision: Vector) -> None:
         self.n, n_all = x.size, problem.n_coordinate
         passing = Passing(problem, sizes.stiffness)
         share = problem.tree.shares[0]
@@ -240,9 +226,7 @@ class Bordered:
         self.level = problem.log_map - 0.5 * (misfit - float(self.base @ self.base))
         self.level -= float(np.sum(np.log(np.diag(self.root) / self.unit))) + 0.5 * self.log
 
-    def _damped(
-        self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, inner: Vector, slope: Vector
-    ) -> None:
+    def _damped(self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, inner: Vector, slope: Vector) -> None:
         """Add what damping ratios say, which are correlated across specimens."""
         n_all, n_specimen = problem.n_coordinate, len(model.specimens)
         self.loss = np.zeros((n_specimen, problem.damping.size, n_all))
@@ -264,9 +248,7 @@ class Bordered:
 
     def _solve(self, right: Vector) -> Vector:
         """Return the root's inverse times something, scaled."""
-        return np.asarray(
-            la.solve_triangular(self.root, (self.unit * right.T).T, lower=True, check_finite=False)
-        )
+        return np.asarray(la.solve_triangular(self.root, (self.unit * right.T).T, lower=True, check_finite=False))
 
     def step(self, right: Vector | None = None) -> Vector:
         """Return the step of the fit's coordinates, (n_base,), against a slope, by default that of the fit."""
@@ -344,15 +326,11 @@ class Bordered:
         return self._log(inner, slope, precision) - before
 
     def _log(self, inner: Vector, slope: Vector, precision: Vector) -> float:
-        root = la.cholesky(
-            self.unit[:, None] * inner * self.unit + _ROUNDING * np.eye(len(inner)), lower=True
-        )
+        root = la.cholesky(self.unit[:, None] * inner * self.unit + _ROUNDING * np.eye(len(inner)), lower=True)
         white = la.solve_triangular(root, self.unit * slope, lower=True)
         known = precision > 0.0
         least = float(np.sum(precision * self.x**2) - white @ white)
-        return (
-            0.5 * float(np.sum(np.log(precision[known]))) - 0.5 * least - float(np.sum(np.log(np.diag(root))))
-        )
+        return 0.5 * float(np.sum(np.log(precision[known]))) - 0.5 * least - float(np.sum(np.log(np.diag(root))))
 
 
 def _curvatures(problem: TreeProblem, model: SpecimensModel, sizes: Sizes) -> list[tuple[Vector, Vector]]:

@@ -14,15 +14,7 @@ from numpy.typing import NDArray
 from updating.errors import FitError
 from updating.inference.descent import outlook
 from updating.inference.discrepancy import DAMPING, SPREAD, STIFFNESS, SizePrior
-from updating.inference.explain import (
-    Explanation,
-    Setting,
-    converged,
-    coordinates_of,
-    errors_at,
-    explain,
-    setting,
-)
+from updating.inference.explain import Explanation, Setting, converged, coordinates_of, errors_at, explain, setting
 from updating.inference.levels import INADEQUATE, PULLED
 from updating.inference.protocol import Term
 from updating.inference.search import Search, search
@@ -107,9 +99,7 @@ def searched(base_fit: BaseFit) -> PooledSearch:
             reach.update({name: r for name, r in seen.items() if name in model.first.effects})
         return extended(model, common, at, ahead)
 
-    def sharpen(
-        model: SpecimensModel, common: Setting, best: Explanation
-    ) -> tuple[SpecimensModel, Setting, bool]:
+    def sharpen(model: SpecimensModel, common: Setting, best: Explanation) -> tuple[SpecimensModel, Setting, bool]:
         sharper = settled(model, common, best)
         models.append(sharper[0])
         return sharper
@@ -145,9 +135,7 @@ def fit_terms(base_fit: BaseFit, names: Sequence[str]) -> PooledSearch:
         try:
             best = explain(model, terms, common, x)
         except (np.linalg.LinAlgError, ValueError) as error:
-            raise FitError(
-                f"the stacks have no modes with {', '.join(term.name for term in terms)}"
-            ) from error
+            raise FitError(f"the stacks have no modes with {', '.join(term.name for term in terms)}") from error
     model, common, _ = settled(model, common, best)
     if best.terms:
         best = explain(model, [model.terms[n] for n in best.terms], common, best.x)
@@ -174,9 +162,7 @@ def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[
         for i, shift in enumerate(_LADDER):
             errors = errors_at(model, local, common, x + shift * (np.arange(x.size) == names.index("G_f")))
             for s, states in enumerate(model.states_of):
-                cost[i, s] = float(
-                    np.mean(np.concatenate([np.minimum(errors[c].frequency ** 2, 0.1) for c in states]))
-                )
+                cost[i, s] = float(np.mean(np.concatenate([np.minimum(errors[c].frequency ** 2, 0.1) for c in states])))
         best = _LADDER[np.argmin(cost, axis=0)]
         x[names.index("G_f")] += best.mean()
         for s, specimen in enumerate(model.specimens):
@@ -185,9 +171,7 @@ def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[
     return x, replace(setting(model, local, x, shares=SHARES, priors=priors), tree=tree, loose=LOOSE)
 
 
-def settled(
-    model: SpecimensModel, common: Setting, best: Explanation
-) -> tuple[SpecimensModel, Setting, bool]:
+def settled(model: SpecimensModel, common: Setting, best: Explanation) -> tuple[SpecimensModel, Setting, bool]:
     """Return model and setting with what scatters as an explanation has it, and whether that matters.
 
     These are the scatter of contact from specimen to specimen, the shares of the discrepancy, and the noise of shapes.
@@ -296,9 +280,7 @@ def outlooks(
         order = sorted(screened.values(), key=lambda candidate: -candidate.level)
         for candidate in [candidate for candidate in order if only in (None, candidate.name)][:n_evaluated]:
             ahead = _after_step(model, common, at, [*present, model.terms[candidate.name]], candidate.at, now)
-            if ahead is not None and (
-                candidate.name not in expected or ahead[0] > expected[candidate.name][0]
-            ):
+            if ahead is not None and (candidate.name not in expected or ahead[0] > expected[candidate.name][0]):
                 expected[candidate.name] = ahead
     return expected, reach
 
@@ -395,9 +377,7 @@ def extended(
             continue
         terms = [*present, model.terms[name]]
         try:
-            fitted.append(
-                converged(model, terms, common, x, sizes=at.evidence.sizes, rounds=2, small=0.3, settled=1.0)
-            )
+            fitted.append(converged(model, terms, common, x, sizes=at.evidence.sizes, rounds=2, small=0.3, settled=1.0))
         except (np.linalg.LinAlgError, ValueError):
             continue
         _LOG.info("%s: %.1f promised, %.1f", name, level - now, fitted[-1].log_evidence - at.log_evidence)
@@ -416,9 +396,7 @@ def _origins(
             {
                 **have,
                 **{
-                    c.name: 0.0
-                    for c in model.nuisances
-                    if np.isfinite(c.std) and not c.name.startswith(("G_f", "d_f"))
+                    c.name: 0.0 for c in model.nuisances if np.isfinite(c.std) and not c.name.startswith(("G_f", "d_f"))
                 },
             }
         )

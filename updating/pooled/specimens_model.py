@@ -56,14 +56,9 @@ class SpecimensModel:
         for s, g, i in where:
             first, last = groups[g].first[i : i + 2]
             self.place += [(s, g, c) for c in range(first, last)]
-        self.states_of = [
-            [c for c, place in enumerate(self.place) if place[0] == s] for s in range(len(names))
-        ]
+        self.states_of = [[c for c, place in enumerate(self.place) if place[0] == s] for s in range(len(names))]
         self.states: tuple[State, ...] = tuple(
-            replace(
-                groups[g].model.states[c],
-                path=("rig", names[s], groups[g].model.tested[c].name),
-            )
+            replace(groups[g].model.states[c], path=("rig", names[s], groups[g].model.tested[c].name))
             for s, g, c in self.place
         )
         local = {c.name: c for group in reversed(groups) for c in group.model.nuisances}
@@ -80,9 +75,7 @@ class SpecimensModel:
         self.parameters = self.first.parameters
         terms = self.first.terms
         self.parameter_coordinates = {c.name: c for n in self.first.effects for c in terms[n].coordinates}
-        self._has = [
-            {c.name for c in group.model.nuisances} | set(self.parameter_coordinates) for group in groups
-        ]
+        self._has = [{c.name for c in group.model.nuisances} | set(self.parameter_coordinates) for group in groups]
         self.heights = [height_ratio(specimens[s], groups[g].model) for s, g, _ in where]
         self._rows: dict[int, Vector] = {}
 
@@ -203,9 +196,7 @@ class SpecimensNear:
         self.whole, self.names = whole, [c.name for c in coordinates]
         self.local, self.nears = local, nears
         self._touched: dict[int, tuple[NDArray[np.intp], list[list[int]]]] = {}
-        self._common = [
-            whole.rows_of(g) @ near.basis if len(nears) > 1 else None for g, near in enumerate(nears)
-        ]
+        self._common = [whole.rows_of(g) @ near.basis if len(nears) > 1 else None for g, near in enumerate(nears)]
 
     def of(self, coordinates: Sequence[Coordinate]) -> SpecimensNear:
         """Return the same for some of the coordinates; the others stay where they are neutral."""

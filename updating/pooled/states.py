@@ -29,9 +29,7 @@ _VAGUE = 2.0
 """Prior standard deviation of the logarithm of a parameter at a torque about that of its specimen: so wide that data
 decide, and finite where there are none, such as no damping ratio."""
 _UNDETERMINED = 0.5  # of that, from which on data determine nothing
-_RATIO_UNDETERMINED = np.log(
-    100.0
-)  # half of an interval of a ratio's logarithm, beyond which nothing is said of it
+_RATIO_UNDETERMINED = np.log(100.0)  # half of an interval of a ratio's logarithm, beyond which nothing is said of it
 
 
 class Contacts:
@@ -67,9 +65,7 @@ class Contacts:
             at = self._parts(what, s)
             std = float(np.sqrt(max(self.covariance[np.ix_(at, at)].sum(), 0.0)))
             log = float(self.fit.x[at].sum())
-            determined = any(
-                self._alone(c)[1][what] < _UNDETERMINED * _VAGUE for c in self.model.states_of[s]
-            )
+            determined = any(self._alone(c)[1][what] < _UNDETERMINED * _VAGUE for c in self.model.states_of[s])
             estimates.append(self._estimate(what, log, std) if at and determined else None)
         return estimates[0], estimates[1]
 
@@ -79,9 +75,7 @@ class Contacts:
         logs, stds = self._alone(c)
         tested = self.model.groups[g].model.tested[here]
         estimates = {
-            what: None
-            if stds[what] > _UNDETERMINED * _VAGUE
-            else self._estimate(what, logs[what], stds[what])
+            what: None if stds[what] > _UNDETERMINED * _VAGUE else self._estimate(what, logs[what], stds[what])
             for what in UNITS
         }
         return ContactState(name=tested.assembled, pressure=tested.pressure, **estimates)
@@ -119,12 +113,8 @@ class Contacts:
         )
 
     def _estimate(self, what: str, log: float, std: float) -> ParameterEstimate:
-        value, lower, upper = (
-            self.nominal[what] * np.exp(log + Z95 * std * np.array([0.0, -1.0, 1.0]))
-        ).tolist()
-        return ParameterEstimate(
-            name=what, unit=UNITS[what], value=value, lower=lower, upper=upper, at_bound=False
-        )
+        value, lower, upper = (self.nominal[what] * np.exp(log + Z95 * std * np.array([0.0, -1.0, 1.0]))).tolist()
+        return ParameterEstimate(name=what, unit=UNITS[what], value=value, lower=lower, upper=upper, at_bound=False)
 
 
 def contrasts_of(model: SpecimensModel, fit: Explanation) -> list[Contrast]:

@@ -93,9 +93,7 @@ def frac_sentence(results: Results) -> tuple[str, ...]:
         return ()
     before, after = (float(np.mean([getattr(m, name) for m in models])) for name in ("base_frac", "frac"))
     way = "rises" if after > before else "goes"
-    return (
-        f"The likeness of modelled and measured FRFs (mean FRAC) {way} from {before:.2f} to {after:.2f}.",
-    )
+    return (f"The likeness of modelled and measured FRFs (mean FRAC) {way} from {before:.2f} to {after:.2f}.",)
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -156,9 +154,7 @@ def _after_diagnosis(results: Results, diagnosis: Diagnosis) -> tuple[str, str]:
     known = set(effects) <= catalogue().keys() | set(diagnosis.measurement)
     command = next_command(diagnosis, campaign, folder) if known and not fitted else None
     if command is None:
-        return shlex.join(
-            ["lamella", "open", folder]
-        ), "opens this in the browser, with sliders for every parameter"
+        return shlex.join(["lamella", "open", folder]), "opens this in the browser, with sliders for every parameter"
     return command, "adds it to the model, for all torques together"
 
 

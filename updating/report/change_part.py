@@ -102,13 +102,7 @@ def mode_changes(results: Results) -> tuple[ModeChange, ...]:
 def diagnosis_changes(diagnosis: Diagnosis) -> tuple[ModeChange, ...]:
     """Return the errors of the modes with the base model and with the answer of a diagnosis."""
     return tuple(
-        ModeChange(
-            configuration=e.configuration,
-            mode=e.mode,
-            frequency=e.frequency,
-            before=e.base,
-            after=e.explained,
-        )
+        ModeChange(configuration=e.configuration, mode=e.mode, frequency=e.frequency, before=e.base, after=e.explained)
         for e in diagnosis.errors
     )
 
@@ -263,9 +257,7 @@ def what_changed_section(what_changed: WhatChanged) -> Section:
     named = what_changed.verdict in ("identified", "one of", "partly explained")
     drawn = named and what_changed.map.size > 0
     blocks = (map_picture(what_changed), kind_table(what_changed)) if drawn else (kind_table(what_changed),)
-    return Section(
-        title=f"What changed in {what_changed.name}, and where", text=what_changed.sentences, blocks=blocks
-    )
+    return Section(title=f"What changed in {what_changed.name}, and where", text=what_changed.sentences, blocks=blocks)
 
 
 def kind_table(what_changed: WhatChanged) -> Table:
@@ -274,14 +266,7 @@ def kind_table(what_changed: WhatChanged) -> Table:
     apart = separation(what_changed)
     return Table(
         title="Kinds of change",
-        header=(
-            "kind",
-            "log odds",
-            "probability",
-            *(f"{a} [mm]" for a in what_changed.axes),
-            "size",
-            "explained [%]",
-        ),
+        header=("kind", "log odds", "probability", *(f"{a} [mm]" for a in what_changed.axes), "size", "explained [%]"),
         rows=tuple(
             (
                 kind.label,

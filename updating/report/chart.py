@@ -57,13 +57,7 @@ class Chart:
         """
         import plotly.graph_objects as go
 
-        layout = {
-            "height": _HEIGHT,
-            "legend": legend_above(),
-            "margin": _MARGIN,
-            **self.layout,
-            "template": "none",
-        }
+        layout = {"height": _HEIGHT, "legend": legend_above(), "margin": _MARGIN, **self.layout, "template": "none"}
         drawn = json.loads(go.Figure(data=[dict(t) for t in self.traces], layout=layout).to_json())
         return {"data": drawn["data"], "layout": drawn["layout"]}
 
@@ -125,9 +119,7 @@ def draw(chart: Chart, figure: FigureBase) -> None:
     domain = {up: layout.get(f"yaxis{up[1:]}", {}).get("domain", (0.0, 1.0)) for up in names}
     order = sorted(names, key=lambda up: -domain[up][0])
     heights = [np.ptp(domain[up]) for up in order]
-    panels = dict(
-        zip(order, figure.subplots(len(order), 1, squeeze=False, height_ratios=heights)[:, 0], strict=True)
-    )
+    panels = dict(zip(order, figure.subplots(len(order), 1, squeeze=False, height_ratios=heights)[:, 0], strict=True))
     for up, axes in panels.items():
         across = names[up]
         traces = [trace for trace in chart.traces if trace.get("yaxis", "y") == up]
@@ -146,9 +138,7 @@ def draw(chart: Chart, figure: FigureBase) -> None:
     handles = [axes.get_legend_handles_labels() for axes in panels.values()]
     labelled = {label: handle for pair in handles for handle, label in zip(*pair, strict=True)}
     if len(labelled) > 1 or "legendgroup" in chart.traces[0]:
-        figure.legend(
-            labelled.values(), labelled.keys(), loc="outside upper left", ncols=4, frameon=False, fontsize=8
-        )
+        figure.legend(labelled.values(), labelled.keys(), loc="outside upper left", ncols=4, frameon=False, fontsize=8)
 
 
 def _categories(traces: Sequence[Mapping[str, Any]], key: str, axis: Mapping[str, Any]) -> dict[object, int]:
@@ -170,10 +160,7 @@ def _at(values: Sequence[Any], places: Mapping[object, int]) -> NDArray[np.float
 
 
 def _draw_traces(
-    axes: Axes,
-    traces: Sequence[Mapping[str, Any]],
-    across: Mapping[object, int],
-    up: Mapping[object, int],
+    axes: Axes, traces: Sequence[Mapping[str, Any]], across: Mapping[object, int], up: Mapping[object, int]
 ) -> None:
     bars = [trace for trace in traces if trace["type"] in ("bar", "waterfall")]
     group = {id(trace): trace.get("offsetgroup", str(k)) for k, trace in enumerate(bars)}
@@ -189,9 +176,7 @@ def _draw_traces(
             _draw_bars(axes, trace, places, (k - 0.5 * (len(groups) - 1)) * width, 0.95 * width)
 
 
-def _draw_bars(
-    axes: Axes, trace: Mapping[str, Any], places: Mapping[object, int], shift: float, width: float
-) -> None:
+def _draw_bars(axes: Axes, trace: Mapping[str, Any], places: Mapping[object, int], shift: float, width: float) -> None:
     flat = trace.get("orientation") == "h"
     at = _at(trace["y" if flat else "x"], places) + shift
     value = np.array(trace["x" if flat else "y"], dtype=float)
@@ -210,9 +195,7 @@ def _draw_bars(
         axes.bar_label(drawn, trace["text"], padding=2, fontsize=8)
     if "error_y" in trace:
         color = trace["error_y"].get("color", palette.INK)
-        axes.errorbar(
-            at, value, trace["error_y"]["array"], fmt="none", ecolor=color, capsize=3, linewidth=1.0
-        )
+        axes.errorbar(at, value, trace["error_y"]["array"], fmt="none", ecolor=color, capsize=3, linewidth=1.0)
 
 
 def _draw_line(axes: Axes, trace: Mapping[str, Any], x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
@@ -235,9 +218,7 @@ def _draw_line(axes: Axes, trace: Mapping[str, Any], x: NDArray[np.float64], y: 
     axes.errorbar(x, y, np.array(sides, dtype=float), capsize=error.get("width", 4), **style)
 
 
-def _draw_matrix(
-    axes: Axes, trace: Mapping[str, Any], across: Mapping[object, int], up: Mapping[object, int]
-) -> None:
+def _draw_matrix(axes: Axes, trace: Mapping[str, Any], across: Mapping[object, int], up: Mapping[object, int]) -> None:
     dark = 0.6  # of a scale of colours, from which numbers are white
     x, y, z = _at(trace["x"], across), _at(trace["y"], up), np.asarray(trace["z"], dtype=float)
     low, high = trace.get("zmin", z.min()), trace.get("zmax", z.max())
@@ -259,9 +240,7 @@ def _label(trace: Mapping[str, Any]) -> str:
     return name or "_nolegend_"
 
 
-def _set_axis(
-    axes: Axes, key: Literal["x", "y"], stated: Mapping[str, Any], places: Mapping[object, int]
-) -> None:
+def _set_axis(axes: Axes, key: Literal["x", "y"], stated: Mapping[str, Any], places: Mapping[object, int]) -> None:
     """Set title, scale, range and names of an axis."""
     room = 1.05  # above the largest value of an axis that begins at 0
     title = stated.get("title", {}).get("text", "")

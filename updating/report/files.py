@@ -113,11 +113,7 @@ def print_pdf(page: Path) -> Path:
             command.append("--no-sandbox")  # as root, as in a container, it does not start with one
         try:
             process = subprocess.run(
-                [*command, page.resolve().as_uri()],
-                capture_output=True,
-                text=True,
-                timeout=seconds,
-                check=False,
+                [*command, page.resolve().as_uri()], capture_output=True, text=True, timeout=seconds, check=False
             )
         except (OSError, subprocess.TimeoutExpired) as error:
             raise StoreError(f"{browser} could not print {page}: {error}") from error
@@ -225,13 +221,9 @@ def _likeness(show: Any, tested: Tested) -> None:
     width = (_WIDE - 2 * _EDGE) / len(fits)
     for k, (name, fit) in enumerate(fits.items()):
         left = _EDGE + k * width
-        text = (
-            f"{name}: mean frequency error {percent(fit.error)}, mean MAC {fit.pairing.paired_mac.mean():.3f}"
-        )
+        text = f"{name}: mean frequency error {percent(fit.error)}, mean MAC {fit.pairing.paired_mac.mean():.3f}"
         _text(slide, text, _TOP - 0.2, 14, left=left, width=width)
-        _picture(
-            slide, pairs_picture(tested, fit).content, _TOP + 0.3, _HIGH - 2.2, left=left, width=width - 0.2
-        )
+        _picture(slide, pairs_picture(tested, fit).content, _TOP + 0.3, _HIGH - 2.2, left=left, width=width - 0.2)
 
 
 def _slide(show: Any, title: str, sentence: str = "") -> Any:
@@ -239,9 +231,7 @@ def _slide(show: Any, title: str, sentence: str = "") -> Any:
     from pptx.util import Inches, Pt
 
     heading = slide.shapes.title
-    heading.left, heading.top, heading.width, heading.height = map(
-        Inches, (_EDGE, 0.3, _WIDE - 2 * _EDGE, 0.9)
-    )
+    heading.left, heading.top, heading.width, heading.height = map(Inches, (_EDGE, 0.3, _WIDE - 2 * _EDGE, 0.9))
     heading.text = title
     heading.text_frame.paragraphs[0].font.size = Pt(28)
     if sentence:
@@ -250,13 +240,7 @@ def _slide(show: Any, title: str, sentence: str = "") -> Any:
 
 
 def _text(
-    slide: Any,
-    text: str,
-    top: float,
-    points: int,
-    *,
-    left: float = _EDGE,
-    width: float = _WIDE - 2 * _EDGE,
+    slide: Any, text: str, top: float, points: int, *, left: float = _EDGE, width: float = _WIDE - 2 * _EDGE
 ) -> None:
     from pptx.util import Inches, Pt
 
@@ -267,13 +251,7 @@ def _text(
 
 
 def _picture(
-    slide: Any,
-    content: bytes,
-    top: float,
-    height: float,
-    *,
-    left: float = _EDGE,
-    width: float = _WIDE - 2 * _EDGE,
+    slide: Any, content: bytes, top: float, height: float, *, left: float = _EDGE, width: float = _WIDE - 2 * _EDGE
 ) -> None:
     """Put a picture into a place (in), as large as it fits and in its middle."""
     from PIL import Image
@@ -327,17 +305,13 @@ def shape_gif(pair: ShapePair) -> bytes:
     pictures = []
     for phase in 2.0 * np.pi * np.arange(_STEPS) / _STEPS:
         moved = replace(
-            pair,
-            measured=(pair.measured * np.exp(1j * phase)).real.astype(complex),
-            model=pair.model * np.cos(phase),
+            pair, measured=(pair.measured * np.exp(1j * phase)).real.astype(complex), model=pair.model * np.cos(phase)
         )
         drawn = io.BytesIO()
         shape_pair_figure(moved).savefig(drawn, format="png", dpi=_DPI)
         pictures.append(Image.open(drawn).convert("RGB").quantize(N_COLOUR, dither=Image.Dither.NONE))
     out = io.BytesIO()
-    pictures[0].save(
-        out, format="gif", save_all=True, append_images=pictures[1:], duration=pause, loop=0, disposal=1
-    )
+    pictures[0].save(out, format="gif", save_all=True, append_images=pictures[1:], duration=pause, loop=0, disposal=1)
     return out.getvalue()
 
 

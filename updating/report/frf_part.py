@@ -69,11 +69,7 @@ def frf_chart(
     functions = [
         {
             "curves": [{"size": _size(c[o, at]), "phase": _phase(c[o, at])} for c in curves.values()],
-            **(
-                {}
-                if lines.coherence is None
-                else {"coherence": _steps(lines.coherence[o, 0, at], 0.005, "u1")}
-            ),
+            **({} if lines.coherence is None else {"coherence": _steps(lines.coherence[o, 0, at], 0.005, "u1")}),
         }
         for o in order
     ]
@@ -93,9 +89,7 @@ def frf_chart(
 
 def _layout(measured: ModalModel, lines: FRF) -> dict[str, Any]:
     """Return the axes: magnitude, phase and, where it was stored, coherence."""
-    domains = (
-        [(0.36, 1.0), (0.0, 0.3)] if lines.coherence is None else [(0.46, 1.0), (0.2, 0.42), (0.0, 0.15)]
-    )
+    domains = [(0.36, 1.0), (0.0, 0.3)] if lines.coherence is None else [(0.46, 1.0), (0.2, 0.42), (0.0, 0.15)]
     ends = [float(lines.frequency[0]), float(lines.frequency[-1])]
     mark = {
         "type": "line",
@@ -137,12 +131,7 @@ def _steps(value: NDArray[np.float64], step: float, dtype: str) -> dict[str, Any
 
 _SYMBOLS = (
     {"symbol": "circle", "size": 2.5, "color": palette.QUIET},
-    {
-        "symbol": "x-thin",
-        "size": 5,
-        "color": palette.MEASURED,
-        "line": {"width": 1.2, "color": palette.MEASURED},
-    },
+    {"symbol": "x-thin", "size": 5, "color": palette.MEASURED, "line": {"width": 1.2, "color": palette.MEASURED}},
     {"symbol": "triangle-up", "size": 6, "color": palette.LEFT},
     {"symbol": "circle", "size": 5.5, "color": palette.MODES},
 )
@@ -186,10 +175,7 @@ def stabilization_picture(
 
 
 def stabilization_chart(
-    diagram: StabilizationDiagram,
-    stable: Stability,
-    dropped: Sequence[DroppedColumn],
-    modal_model: ModalModel,
+    diagram: StabilizationDiagram, stable: Stability, dropped: Sequence[DroppedColumn], modal_model: ModalModel
 ) -> Chart:
     """Return the stabilisation chart to be zoomed."""
     hertz, damping = np.abs(diagram.pole) / (2.0 * np.pi), -diagram.pole.real / np.abs(diagram.pole)
@@ -299,11 +285,7 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
         caption="Every function; the first ones are those that the identified modes meet worst, in the middle and best "
         "(a print shows these). Dashed: natural frequencies. The difference is what the modes leave; where it is as "
         "large as the function, noise governs."
-        + (
-            ""
-            if not models
-            else f" Dotted: the model{' with what was identified' if FOUND in models else ''}."
-        )
+        + ("" if not models else f" Dotted: the model{' with what was identified' if FOUND in models else ''}.")
         + ("" if lines.coherence is not None else " The test system stored no coherence."),
         chart=frf_chart(tested.measured, lines, curves, [o for o, _ in functions]),
         choices=tuple(name for _, name in functions),

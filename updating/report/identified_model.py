@@ -61,10 +61,7 @@ def identified_effects(results: Results) -> Addition | None:
     if results.diagnosis is not None:
         if not results.diagnosis.set:
             return None
-        effects, parameters = (
-            results.diagnosis.set[0],
-            results.diagnosis.ranked(results.diagnosis.set[0]).parameter,
-        )
+        effects, parameters = (results.diagnosis.set[0], results.diagnosis.ranked(results.diagnosis.set[0]).parameter)
         effects = tuple(e for e in effects if e not in results.diagnosis.measurement)
         return _addition(effects, parameters, results.folder / "diagnosis.json")
     if results.ledger:
@@ -73,13 +70,9 @@ def identified_effects(results: Results) -> Addition | None:
     return None
 
 
-def _addition(
-    effects: tuple[str, ...], parameters: tuple[ParameterEstimate, ...], source: Path
-) -> Addition | None:
+def _addition(effects: tuple[str, ...], parameters: tuple[ParameterEstimate, ...], source: Path) -> Addition | None:
     known = catalogue()
-    if (
-        not effects or not set(effects) <= known.keys()
-    ):  # an effect from a file is code, which a report does not run
+    if not effects or not set(effects) <= known.keys():  # an effect from a file is code, which a report does not run
         return None
     names = {p.name for e in effects for p in known[e].parameters}
     return Addition(
@@ -111,11 +104,7 @@ def with_models(results: Results, executor: Executor | None = None) -> Results:
     by_name = {t.name: (t, remark) for t, remark in distribute(attempt, with_base, executor)}
     tested = tuple(by_name[t.name][0] if t.name in by_name else t for t in results.tested)
     files = [t.folder / name for t in tested for name in (BASE_FILE, FILE) if t.name in by_name]
-    origin = {
-        f"{file.parent.name}/{file.name}": read_document(file)["provenance"]
-        for file in files
-        if file.exists()
-    }
+    origin = {f"{file.parent.name}/{file.name}": read_document(file)["provenance"] for file in files if file.exists()}
     return replace(
         results,
         tested=tested,
@@ -161,9 +150,7 @@ def _attempted(
     return tested, ""
 
 
-def _modelled(
-    diagnosis: Diagnosis, tested: Tested, explanation: Sequence[str], effects: Sequence[str]
-) -> Fit:
+def _modelled(diagnosis: Diagnosis, tested: Tested, explanation: Sequence[str], effects: Sequence[str]) -> Fit:
     """Return the model of a configuration with the numbers of an explanation, and its effects that change the stack."""
     assert diagnosis.stack is not None
     answer = diagnosis.ranked(explanation)

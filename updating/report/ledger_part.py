@@ -50,10 +50,7 @@ def error_table(entries: Sequence[Entry]) -> Table:
         title="Mean error [%]",
         header=("model", *(f"{kind}, {name}" for kind in kinds for name in _NAMES)),
         rows=tuple(
-            (
-                model_name(e),
-                *("" if np.isnan(x) else in_percent(x) for kind in kinds for x in _errors(e, kind)),
-            )
+            (model_name(e), *("" if np.isnan(x) else in_percent(x) for kind in kinds for x in _errors(e, kind)))
             for e in entries
         ),
         note="Error: mean of |measured - model| / measured, with one G_f and one d_f for all torques of a stack. "
@@ -90,10 +87,7 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
         ledger_chart(entries),
         as_csv(
             ("model", *(f"{kind} error, {name} [1]" for kind in kinds for name in _NAMES)),
-            (
-                (" + ".join(("base", *e.effects)), *(x for kind in kinds for x in _errors(e, kind)))
-                for e in entries
-            ),
+            ((" + ".join(("base", *e.effects)), *(x for kind in kinds for x in _errors(e, kind))) for e in entries),
         ),
         alt="Errors by model",
         caption=f"Mean {' and '.join(kinds)} error of each model, on the data that it was fitted to and on data held "
@@ -124,18 +118,13 @@ def ledger_chart(entries: Sequence[Entry]) -> Chart:
             )  # fmt: skip
         low, high = 1.0 - row / len(kinds), 1.0 - (row - 1) / len(kinds)
         widest = 100.0 * float(np.nanmax([_errors(e, kind) for e in entries]))
-        layout[f"xaxis{place}"] = axis(
-            f"mean {kind} error [%]", anchor=f"y{place}", range=[0.0, 1.2 * widest]
-        )
+        layout[f"xaxis{place}"] = axis(f"mean {kind} error [%]", anchor=f"y{place}", range=[0.0, 1.2 * widest])
         domain = [low + (gap if row < len(kinds) else 0.0), high]
         layout[f"yaxis{place}"] = {
             "autorange": "reversed", "automargin": True, "domain": domain, "anchor": f"x{place}", "showgrid": False,
         }  # fmt: skip
     height = 120 + len(kinds) * (entry_height * len(entries) + 40)
-    return Chart(
-        traces=traces,
-        layout={**layout, "height": height},
-    )
+    return Chart(traces=traces, layout={**layout, "height": height})
 
 
 def _short_name(entry: Entry) -> str:
@@ -197,17 +186,10 @@ def interval_table(results: Results) -> Table:
         for e in _estimates(t)
     ]
     rows += [
-        _moved_row(t.name, moved, at_bound=at_bound)
-        for t in results.tested
-        for moved, at_bound in _matrices_moved(t)
+        _moved_row(t.name, moved, at_bound=at_bound) for t in results.tested for moved, at_bound in _matrices_moved(t)
     ]
     rows += [
-        _row(
-            f"all, {model_name(entry)}",
-            p,
-            (p.lower, p.upper),
-            p.remark,
-        )
+        _row(f"all, {model_name(entry)}", p, (p.lower, p.upper), p.remark)
         for entry in results.ledger
         for p in entry.shared
     ]
@@ -380,10 +362,7 @@ def signature_chart(errors: Sequence[ModeError], signatures: Mapping[str, Sequen
                 "hovertemplate": "%{x[0]}, %{x[1]}: %{y:+.3f} %<extra>" + name + "</extra>",
             }
         )  # fmt: skip
-    layout = {
-        "yaxis": axis("change of frequency [%]", zeroline=True),
-        "xaxis": {"automargin": True},
-    }
+    layout = {"yaxis": axis("change of frequency [%]", zeroline=True), "xaxis": {"automargin": True}}
     return Chart(traces=traces, layout=layout)
 
 

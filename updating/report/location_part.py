@@ -38,9 +38,7 @@ _LIMITS = (
 def kind_of_answer(diagnosis: Diagnosis | None) -> str | None:
     """Return the kind of stiffness that the first effect of an answer changes; None where it is not one kind."""
     known = catalogue()
-    effects = [
-        known[e] for e in (diagnosis.set[0] if diagnosis is not None and diagnosis.set else ()) if e in known
-    ]
+    effects = [known[e] for e in (diagnosis.set[0] if diagnosis is not None and diagnosis.set else ()) if e in known]
     return _KIND_OF_FAMILY.get(effects[0].family) if effects else None
 
 
@@ -52,9 +50,7 @@ def location_section(tested: Tested, fit: Fit, shown: str | None = None) -> Sect
         return Section(title=title, text=(text,))
     kind = most_likely_kind(errors)
     return Section(
-        title=title,
-        text=(text, _LIMITS),
-        blocks=(map_picture(tested, fit, errors, shown or kind), kind_table(errors)),
+        title=title, text=(text, _LIMITS), blocks=(map_picture(tested, fit, errors, shown or kind), kind_table(errors))
     )
 
 
@@ -228,8 +224,5 @@ def _sentence(errors: ErrorMap, kind: str, size: float) -> str:
     )
     if errors.contrast[i] < _LOCAL:
         return f"{text} Its error is spread over the stack as the strain energy is; no one place stands out."
-    places = (
-        f"{a} = {round(1e3 * lo)} and {round(1e3 * hi)} mm"
-        for a, lo, hi in zip("xyz", low, high, strict=True)
-    )
+    places = (f"{a} = {round(1e3 * lo)} and {round(1e3 * hi)} mm" for a, lo, hi in zip("xyz", low, high, strict=True))
     return f"{text} Its error is largest between {', '.join(places)}."

@@ -17,28 +17,10 @@ from ema.quality.verdict import NOTES, label, meaning
 from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
 from updating.fitting.fit import Estimate, Fit, ModelFit
-from updating.fitting.plots import (
-    AZIMUTH,
-    ELEVATION,
-    SWELL,
-    ShapePair,
-    faces,
-    shape_pair_figure,
-    shape_pairs,
-)
+from updating.fitting.plots import AZIMUTH, ELEVATION, SWELL, ShapePair, faces, shape_pair_figure, shape_pairs
 from updating.report.chart import Chart, axis, charted, single
 from updating.report.frf_part import frf_title
-from updating.report.part import (
-    ByModel,
-    Gallery,
-    Picture,
-    Section,
-    Table,
-    anchor,
-    as_csv,
-    of_model,
-    png,
-)
+from updating.report.part import ByModel, Gallery, Picture, Section, Table, anchor, as_csv, of_model, png
 from updating.report.results import Tested
 from updating.results.text import Z95, parameter_text, uncertain
 
@@ -165,17 +147,12 @@ def pair_table(tested: Tested, fit: ModelFit, added: Mapping[int, float]) -> Tab
     used = fit.pairing.measured
     left_over = [f"{frequency_text(f, 1)} Hz" for f in measured.frequency[fit.pairing.unpaired_measured]]
     note = (
-        "Error is (model - measured) / measured. ± is half the 95 % interval that the noise of the measurement "
-        "leaves."
+        "Error is (model - measured) / measured. ± is half the 95 % interval that the noise of the measurement leaves."
     )
     if left_over:
-        note += (
-            f" Measured modes without a partner above MAC {fit.pairing.threshold:g}: {', '.join(left_over)}."
-        )
+        note += f" Measured modes without a partner above MAC {fit.pairing.threshold:g}: {', '.join(left_over)}."
     if added:
-        note += (
-            f"{_WITH_ADDED} the error of the model that the answer comes to, with one G_f for all torques."
-        )
+        note += f"{_WITH_ADDED} the error of the model that the answer comes to, with one G_f for all torques."
     after = [f"{round(100.0 * added[m + 1], 2) + 0.0:+.2f}" if m + 1 in added else "" for m in used]
     columns = zip(
         used, c.measured_frequency, Z95 * measured.frequency_std[used], c.model_frequency, 100 * c.frequency_error,
@@ -308,11 +285,7 @@ def mac_picture(
 
 
 def mac_chart(
-    value: NDArray[np.float64],
-    rows: NDArray[np.float64] | None,
-    columns: NDArray[np.float64],
-    across: str,
-    down: str,
+    value: NDArray[np.float64], rows: NDArray[np.float64] | None, columns: NDArray[np.float64], across: str, down: str
 ) -> Chart:
     """Return a MAC matrix as a chart.
 
@@ -455,10 +428,7 @@ def gallery(tested: Tested, fit: ModelFit | None) -> Gallery:
 
 
 def gallery_of(
-    name: str,
-    pairs: Sequence[ShapePair],
-    box: list[float] | None,
-    names: tuple[str, str] = ("measured", "model"),
+    name: str, pairs: Sequence[ShapePair], box: list[float] | None, names: tuple[str, str] = ("measured", "model")
 ) -> Gallery:
     """Put shapes into the form that the page's `shapes.js` draws.
 
@@ -516,8 +486,7 @@ def _still(name: str, number: int, pair: ShapePair, names: tuple[str, str]) -> P
         content=png(shape_pair_figure(pair, names)),
         form="png",
         data=as_csv(
-            [f"{n}{axis} [{'m' if not n else 'over the largest'}]" for n in parts for axis in "xyz"],
-            np.hstack(columns),
+            [f"{n}{axis} [{'m' if not n else 'over the largest'}]" for n in parts for axis in "xyz"], np.hstack(columns)
         ),
         alt=_title(number, pair, names),
         caption="",

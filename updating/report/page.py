@@ -41,8 +41,7 @@ def result_table(results: Results) -> Table:
         )
         files.setdefault(row, []).append(file)
     rows = tuple(
-        (names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more", *row)
-        for row, names in files.items()
+        (names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more", *row) for row, names in files.items()
     )
     return Table(
         title="",
@@ -119,12 +118,7 @@ def _chosen(parts: tuple[Section, ...], only: Sequence[str]) -> tuple[Section, .
 
 
 def _configuration(
-    folder: Path,
-    name: str,
-    apart: bool,
-    kind: str | None,
-    added: Mapping[str, Mapping[int, float]],
-    tested: Tested,
+    folder: Path, name: str, apart: bool, kind: str | None, added: Mapping[str, Mapping[int, float]], tested: Tested
 ) -> Section | None:
     """Make the section of a configuration, or, where they are apart, the page with it."""
     part = configuration_section(tested, kind, added.get(tested.name, {}))
@@ -155,16 +149,12 @@ def sections(results: Results, configurations: Sequence[Section] | None = None) 
         return (pooled_section(results.pooled), provenance_section(results))
     if configurations is None:
         kind, added = kind_of_answer(results.diagnosis), errors_with_additions(results)
-        configurations = [
-            configuration_section(tested, kind, added.get(tested.name, {})) for tested in results.tested
-        ]
+        configurations = [configuration_section(tested, kind, added.get(tested.name, {})) for tested in results.tested]
     parts = [opening_section(results, configurations), answer_section(results)]
     if results.ledger:
         parts.append(ledger_section(results))
     if len(results.tested) > 1:
-        address = [f"#{part.anchor}" for part in configurations] or [
-            page_of(tested) for tested in results.tested
-        ]
+        address = [f"#{part.anchor}" for part in configurations] or [page_of(tested) for tested in results.tested]
         parts.append(overview_section(results, address))
     parts += configurations
     if results.diagnosis is not None:
@@ -210,10 +200,7 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
         parts.append(location_section(tested, tested.stack_fit, kind))
     stated = [
         f"{value:g} {unit}"
-        for value, unit in (
-            (tested.torque, "N m"),
-            (None if tested.pressure is None else tested.pressure / 1e3, "kPa"),
-        )
+        for value, unit in ((tested.torque, "N m"), (None if tested.pressure is None else tested.pressure / 1e3, "kPa"))
         if value is not None
     ]
     return Section(
@@ -222,12 +209,7 @@ def configuration_section(tested: Tested, kind: str | None, added: Mapping[int, 
 
 
 def render(
-    title: str,
-    parts: tuple[Section, ...],
-    *,
-    up: str = "",
-    bare: bool = False,
-    about: Sequence[tuple[str, str]] = (),
+    title: str, parts: tuple[Section, ...], *, up: str = "", bare: bool = False, about: Sequence[tuple[str, str]] = ()
 ) -> str:
     """Put sections into one HTML page.
 
@@ -246,9 +228,7 @@ def render(
     """
     from jinja2 import Environment, StrictUndefined  # slow to import
 
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["unbroken"] = unbroken
     environment.filters["in_css"] = in_css
     folder = files("updating.report")

@@ -10,13 +10,7 @@ import numpy as np
 from ema.plot import palette
 from updating.report.chart import Chart, axis, charted
 from updating.report.part import Picture, Section, Table, as_csv
-from updating.results.pooled import (
-    SPECIMEN_HEADER,
-    PooledDiagnosis,
-    SpecimenAnswer,
-    contact_cells,
-    specimen_row,
-)
+from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, SpecimenAnswer, contact_cells, specimen_row
 from updating.results.text import in_percent, interval_text
 
 Contact = Literal["G_f", "d_f"]
@@ -79,21 +73,12 @@ def _overview(diagnosis: PooledDiagnosis) -> Section:
 def _specimen_section(specimen: SpecimenAnswer) -> Section:
     """Show one specimen: its notes, the effects that it alone has, and its contact at each torque."""
     notes = "; ".join(f"{name}: {value}" for name, value in specimen.notes.items() if value)
-    odd = (
-        f"It alone has {', '.join(specimen.odd)}." if specimen.odd else "It has nothing that the others lack."
-    )
+    odd = f"It alone has {', '.join(specimen.odd)}." if specimen.odd else "It has nothing that the others lack."
     contact = "; ".join(interval_text(value) for value in (specimen.G_f, specimen.d_f) if value)
     table = Table(
         title="Contact at each torque",
         header=("configuration", "pressure [kPa]", "G_f (95 %)", "d_f (95 %) [s/Pa]"),
-        rows=tuple(
-            (
-                state.name,
-                f"{1e-3 * state.pressure:g}",
-                *contact_cells(state),
-            )
-            for state in specimen.states
-        ),
+        rows=tuple((state.name, f"{1e-3 * state.pressure:g}", *contact_cells(state)) for state in specimen.states),
         note="From the frequencies and damping ratios of one torque alone, all else as it was found."
         + (_NO_DAMPING if any(state.d_f is None for state in specimen.states) else ""),
     )
@@ -166,9 +151,7 @@ def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
     )
 
 
-def _error_series(
-    specimens: Sequence[SpecimenAnswer],
-) -> list[tuple[str, str, str, list[SpecimenAnswer], str]]:
+def _error_series(specimens: Sequence[SpecimenAnswer]) -> list[tuple[str, str, str, list[SpecimenAnswer], str]]:
     """Return the series of the picture: marker, colour, name, the specimens in it and the error that it shows."""
     series = [
         ("circle", palette.BASE, "base model", list(specimens), "base_error"),
@@ -216,10 +199,7 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
                     specimen.notes.get(group, ""),
                     state.name,
                     1e-3 * state.pressure,
-                    *(
-                        float(f"{getattr(getattr(state, name), end):.6g}")
-                        for end in ("value", "lower", "upper")
-                    ),
+                    *(float(f"{getattr(getattr(state, name), end):.6g}") for end in ("value", "lower", "upper")),
                 )
                 for specimen in specimens
                 for state in specimen.states
@@ -266,9 +246,7 @@ def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str
     )
 
 
-def _line(
-    specimen: SpecimenAnswer, name: Contact
-) -> tuple[list[float], list[float], list[float], list[float]]:
+def _line(specimen: SpecimenAnswer, name: Contact) -> tuple[list[float], list[float], list[float], list[float]]:
     """Return pressures in kPa, the parameter there, and how far its interval goes down and up."""
     states = sorted(specimen.states, key=lambda state: state.pressure)
     states = [state for state in states if getattr(state, name)]

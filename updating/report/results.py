@@ -223,9 +223,7 @@ def read_results(folder: Path, *, keep: bool = False) -> Results:
             f"{folder}: no campaign.json to report on; make results with: lamella fit CAMPAIGN -o {folder}"
         )
     if not results.tested:
-        raise StoreError(
-            f"{folder}: none of its configurations is done; go on with: lamella fit CAMPAIGN -o {folder}"
-        )
+        raise StoreError(f"{folder}: none of its configurations is done; go on with: lamella fit CAMPAIGN -o {folder}")
     return results
 
 
@@ -242,9 +240,7 @@ class _Reader:
         """Return a result without which there is nothing to show; a fault is an error, or a remark if kept."""
         fault = self._fault(path)
         if fault and not self._keep:
-            raise StoreError(
-                f"{path}: {fault}; make it anew with the command that made it, or use it with --keep"
-            )
+            raise StoreError(f"{path}: {fault}; make it anew with the command that made it, or use it with --keep")
         return self._read(path, kind, fault)
 
     def optional(self, path: Path, kind: type[T]) -> T | None:
@@ -253,9 +249,7 @@ class _Reader:
             return None
         fault = self._fault(path)
         if fault and not self._keep:
-            self._remark(
-                path, f"{fault}, and is left out; make it anew with the command that made it, or use --keep"
-            )
+            self._remark(path, f"{fault}, and is left out; make it anew with the command that made it, or use --keep")
             return None
         return self._read(path, kind, fault)
 
@@ -339,9 +333,7 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
         fit=fit,
         opt=fit if isinstance(fit, Fit) else None,
         change=reader.optional(folder / CHANGE, Change) if configuration.compare_to else None,
-        what_changed=reader.optional(folder / WHAT_CHANGED, WhatChanged)
-        if configuration.compare_to
-        else None,
+        what_changed=reader.optional(folder / WHAT_CHANGED, WhatChanged) if configuration.compare_to else None,
     )
 
 

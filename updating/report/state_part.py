@@ -29,9 +29,7 @@ if TYPE_CHECKING:
 
 def state_section(change: Change) -> Section:
     """Show what differs between a configuration and its reference."""
-    pictures = (
-        (shift_picture(change), states_picture(change), comac_picture(change)) if change.mode.size else ()
-    )
+    pictures = (shift_picture(change), states_picture(change), comac_picture(change)) if change.mode.size else ()
     return Section(
         title=f"{change.name} against {', '.join(change.reference)}",
         text=(f"{change_sentence(change)}.",),
@@ -80,9 +78,7 @@ def shift_picture(change: Change) -> Picture:
         shift_chart(change),
         change_csv(change),
         alt="Shifts of the frequencies: "
-        + ", ".join(
-            f"mode {r + 1} {100 * s:+.2g} %" for r, s in zip(change.reference_mode, shift, strict=True)
-        ),
+        + ", ".join(f"mode {r + 1} {100 * s:+.2g} %" for r, s in zip(change.reference_mode, shift, strict=True)),
         caption="Shift of each frequency against the reference. The bars are the interval in which an unchanged "
         "structure lies in 95 of 100 cases; modes that changed are in red.",
         width="half",
@@ -193,9 +189,7 @@ def beside_section(tested: Tested, change: Change, reference: Tested) -> Section
     """
     title = f"{tested.name} beside {reference.name}"
     if not same_points(tested.measured, reference.measured):
-        return Section(
-            title=title, text=("They were measured at other points: shapes are not laid over each other.",)
-        )
+        return Section(title=title, text=("They were measured at other points: shapes are not laid over each other.",))
     functions = functions_picture(tested, reference)
     shapes = shapes_beside(tested, change, reference)
     return Section(title=title, blocks=tuple(block for block in (functions, shapes) if block is not None))
@@ -210,9 +204,7 @@ def shape_pairs_beside(measured: ModalModel, change: Change, reference: ModalMod
     """Return the shape of every mode that both states have, with that of the reference."""
     return tuple(
         beside_shape(
-            measured,
-            int(r),
-            (float(reference.frequency[q]), float(change.mac[k]), reference.shape[:, int(q)].real),
+            measured, int(r), (float(reference.frequency[q]), float(change.mac[k]), reference.shape[:, int(q)].real)
         )
         for k, (r, q) in enumerate(zip(change.mode, change.reference_mode, strict=True))
     )
@@ -267,9 +259,7 @@ def mean_chart(tested: Tested, reference: Tested) -> Chart | None:
     if common is None:
         return None
     lines, before = common
-    return _mean_chart(
-        lines.frequency, {tested.name: _mean(lines.value[:, 0]), reference.name: _mean(before)}
-    )
+    return _mean_chart(lines.frequency, {tested.name: _mean(lines.value[:, 0]), reference.name: _mean(before)})
 
 
 def _mean(functions: NDArray[np.complex128]) -> Vector:

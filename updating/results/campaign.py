@@ -102,9 +102,7 @@ def over_amplitude(assigned: Assignment, identified: Identified) -> OverAmplitud
     if earlier is not None:
         return earlier
     base = Level(
-        force=configuration.force,
-        frf=read_frf(identified.folder / MEASUREMENT),
-        modal_model=identified.modal_model,
+        force=configuration.force, frf=read_frf(identified.folder / MEASUREMENT), modal_model=identified.modal_model
     )
     others, lost = identify_force_levels(assigned.campaign, configuration.name)
     levels = sorted((base, *others), key=lambda level: level.force)
@@ -217,15 +215,9 @@ def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[C
         if not configuration.compare_to:
             continue
         states = [n for n in repeats_of(campaign.configurations, (configuration.name,)) if n in by_name]
-        references = [
-            n for n in repeats_of(campaign.configurations, configuration.compare_to) if n in by_name
-        ]
+        references = [n for n in repeats_of(campaign.configurations, configuration.compare_to) if n in by_name]
         if configuration.name not in by_name or not references:
-            which = (
-                configuration.name
-                if configuration.name not in by_name
-                else ", ".join(configuration.compare_to)
-            )
+            which = configuration.name if configuration.name not in by_name else ", ".join(configuration.compare_to)
             lost.append(
                 f"{configuration.name} is not compared with {', '.join(configuration.compare_to)}: {which} has no modes"
             )
@@ -235,9 +227,7 @@ def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[C
         try:
             difference = change(models[: len(states)], models[len(states) :], campaign.reassembly)
         except IdentificationError as error:
-            lost.append(
-                f"{configuration.name} is not compared with {', '.join(configuration.compare_to)}: {error}"
-            )
+            lost.append(f"{configuration.name} is not compared with {', '.join(configuration.compare_to)}: {error}")
             continue
         folder = by_name[configuration.name].folder
         inputs = tuple(identified.folder / "modal_model.json" for identified in used)

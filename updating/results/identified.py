@@ -118,9 +118,7 @@ CHOSEN = "chosen_poles.txt"
 
 BY_HAND = "chosen by hand"
 
-_ABOVE = (
-    2  # folders above the results, which may be results, too: what a fit in the workbench writes is in them
-)
+_ABOVE = 2  # folders above the results, which may be results, too: what a fit in the workbench writes is in them
 
 
 def keep_choice(poles: Path, folder: Path) -> None:
@@ -171,14 +169,10 @@ def chosen_poles(campaign: Campaign, output: Path, given: Path | None = None) ->
     """
     output = output.absolute()
     if given is not None:
-        files = {
-            c.name: given.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations
-        }
+        files = {c.name: given.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
         existing = {name: file for name, file in files.items() if file.exists()}
         if not existing:
-            raise StoreError(
-                f"{given}: no */poles.txt of this campaign; `lamella ema` writes them beside its results"
-            )
+            raise StoreError(f"{given}: no */poles.txt of this campaign; `lamella ema` writes them beside its results")
         for name, file in existing.items():
             keep_choice(file, output / folder_name(name))
     places = [output, *(p for p in output.parents[:_ABOVE] if _is_of(campaign, p))]
@@ -481,18 +475,14 @@ def read_back(assigned: Assignment) -> Identified | None:
     """
     folder = assigned.folder
     inputs, options = made_from(assigned)
-    checks = read_current(
-        folder / "quality.json", Quality, inputs=inputs, options=options, keep=assigned.keep
-    )
+    checks = read_current(folder / "quality.json", Quality, inputs=inputs, options=options, keep=assigned.keep)
     measurement = folder / MEASUREMENT
     has_functions = not assigned.configuration.has_modes
     if checks is None or measurement.exists() != has_functions:
         return None
     if has_functions:  # what was truncated, edited or put there from elsewhere has another digest
         inputs = (*inputs, measurement)
-    modes = read_current(
-        folder / "modal_model.json", ModalModel, inputs=inputs, options=options, keep=assigned.keep
-    )
+    modes = read_current(folder / "modal_model.json", ModalModel, inputs=inputs, options=options, keep=assigned.keep)
     if modes is None:
         return None
     return Identified(configuration=assigned.configuration, folder=folder, modal_model=modes, quality=checks)

@@ -14,9 +14,7 @@ from updating.results.text import in_percent, interval_text, percent
 
 LevelKind = Literal["rig", "group", "specimen"]
 
-PooledVerdict = Literal[
-    "nothing missing", "identified", "one of", "partly explained", "unlike anything", "as asked"
-]
+PooledVerdict = Literal["nothing missing", "identified", "one of", "partly explained", "unlike anything", "as asked"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,9 +249,7 @@ def sentences(diagnosis: PooledDiagnosis) -> tuple[str, ...]:
     """Write the verdict, the level of each effect, which specimens are odd, and what groups change."""
     text = [_verdict(diagnosis)]
     text += _likelier(diagnosis)
-    text += [
-        f"Without it, in the mean of all specimens, {finding}" for finding in diagnosis.relieved[:_LISTED]
-    ]
+    text += [f"Without it, in the mean of all specimens, {finding}" for finding in diagnosis.relieved[:_LISTED]]
     if diagnosis.left > 1:
         text.append(_cannot_tell(diagnosis))
     text.append(_odd(diagnosis))
@@ -279,11 +275,9 @@ def _named(part: Part) -> str:
 
 
 def _whose(part: Part) -> str:
-    return {
-        "rig": "of the rig",
-        "group": f"of the group {part.of}",
-        "specimen": f"of specimen {part.of} alone",
-    }[part.level]
+    return {"rig": "of the rig", "group": f"of the group {part.of}", "specimen": f"of specimen {part.of} alone"}[
+        part.level
+    ]
 
 
 def explanation_text(explanation: PooledRanked) -> str:
@@ -309,11 +303,9 @@ def _verdict(diagnosis: PooledDiagnosis) -> str:
             f"specimen that is predicted from the others, {_lowered(diagnosis, base)}."
         )
     parts = "; and ".join(f"{part_text(part)}{_values(part)}" for part in best.parts) or "the base model"
-    start = {
-        "identified": "Identified",
-        "partly explained": "Part of what is missing",
-        "as asked": "As asked for",
-    }.get(diagnosis.verdict, "Most probable")
+    start = {"identified": "Identified", "partly explained": "Part of what is missing", "as asked": "As asked for"}.get(
+        diagnosis.verdict, "Most probable"
+    )
     return (
         f"{start}: {parts}. Mean frequency errors, before and with it: fitted {_change('frequency_error', base, best)}"
         f"; a specimen predicted from the others {_change('left_out_error', base, best)}"
@@ -364,9 +356,7 @@ def _values(part: Part) -> str:
 def _cannot_tell(diagnosis: PooledDiagnosis) -> str:
     """Say which explanations the data do not separate, in effect or in level; name common terms once."""
     best, others = diagnosis.ranking[0], diagnosis.ranking[1 : diagnosis.left]
-    what = (
-        "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
-    )
+    what = "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
     common = [part for part in best.parts if all(_is_in(part, explanation) for explanation in others)]
     listed = "; or ".join(_beside(common, explanation) for explanation in others[:_LISTED])
     more = f"; or {len(others) - _LISTED} more" if len(others) > _LISTED else ""
@@ -437,12 +427,8 @@ def _folded(names: Sequence[str]) -> str:
 def contact_cells(contact: SpecimenAnswer | ContactState) -> tuple[str, str]:
     """Return G_f and d_f as cells with their intervals; a dash where data tell nothing of it."""
     return (
-        f"{contact.G_f.value:.0f} ({contact.G_f.lower:.0f} to {contact.G_f.upper:.0f})"
-        if contact.G_f
-        else UNKNOWN,
-        f"{contact.d_f.value:.2g} ({contact.d_f.lower:.2g} to {contact.d_f.upper:.2g})"
-        if contact.d_f
-        else UNKNOWN,
+        f"{contact.G_f.value:.0f} ({contact.G_f.lower:.0f} to {contact.G_f.upper:.0f})" if contact.G_f else UNKNOWN,
+        f"{contact.d_f.value:.2g} ({contact.d_f.lower:.2g} to {contact.d_f.upper:.2g})" if contact.d_f else UNKNOWN,
     )
 
 

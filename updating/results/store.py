@@ -41,9 +41,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         part.write_bytes(content)
 
 
-def write_result(
-    path: Path, result: object, *, inputs: tuple[Path, ...], options: Mapping[str, object]
-) -> None:
+def write_result(path: Path, result: object, *, inputs: tuple[Path, ...], options: Mapping[str, object]) -> None:
     """Write a frozen result as JSON with the versions, input hashes and options that made it.
 
     Parameters
@@ -181,9 +179,7 @@ def read_document(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise StoreError(f"{path}: not a JSON file ({error})") from error
     if not isinstance(document, dict) or not {"kind", "provenance", "result"} <= document.keys():
-        raise StoreError(
-            f"{path}: not a result of Lamella; expected an object with 'kind', 'provenance' and 'result'"
-        )
+        raise StoreError(f"{path}: not a result of Lamella; expected an object with 'kind', 'provenance' and 'result'")
     return document
 
 

@@ -40,9 +40,7 @@ def uncertain(value: float, half: float) -> str:
 
 def ends(value: float, lower: float, upper: float) -> tuple[str, str, str]:
     """Write a value and the ends of its interval, all to the place of two digits of its smaller half."""
-    half = min(
-        (side for side in (value - lower, upper - value) if 0.0 < side < np.inf), default=abs(value) or 1.0
-    )
+    half = min((side for side in (value - lower, upper - value) if 0.0 < side < np.inf), default=abs(value) or 1.0)
     place = int(np.floor(np.log10(half))) - 1
     first, second, third = (f"{round(float(x), -place):.12g}" for x in (value, lower, upper))
     return first, second, third

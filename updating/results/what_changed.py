@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from lamella_shared import arrays
 
-Verdict = Literal[
-    "unchanged", "too little to say", "identified", "one of", "partly explained", "unlike anything"
-]
+Verdict = Literal["unchanged", "too little to say", "identified", "one of", "partly explained", "unlike anything"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,9 +149,7 @@ def _in_damping(what_changed: WhatChanged) -> tuple[str, ...]:
     if not left:
         return ()
     names = [kind.label for kind in left]
-    text = (
-        names[0] if len(left) == 1 else f"{', '.join(names[:-1])} or {names[-1]}; the data cannot tell which"
-    )
+    text = names[0] if len(left) == 1 else f"{', '.join(names[:-1])} or {names[-1]}; the data cannot tell which"
     best = left[0]
     where = f", at x = {_mm(best.place[0])} ± {_mm(best.place_std[0])} mm" if best.local else ""
     return (f"Damping of {what_changed.name}: {text}. {_capital(best.label)}: {size_text(best)}{where}.",)
@@ -222,10 +218,7 @@ def _where(what_changed: WhatChanged) -> str:
             f"{what_changed.axes[0]} = {_mm(what_changed.x[i])} mm and {what_changed.axes[1]} = "
             f"{_mm(what_changed.y[j])} mm, has a probability of {100 * what_changed.map[i, j]:.0f} %."
         )
-    parts = [
-        f"{name} = {_mm(mean[i])} ± {_mm(spread[i])} mm"
-        for name, i in zip(what_changed.axes, at, strict=True)
-    ]
+    parts = [f"{name} = {_mm(mean[i])} ± {_mm(spread[i])} mm" for name, i in zip(what_changed.axes, at, strict=True)]
     for k, end in enumerate(what_changed.ends):
         parts[k] += f", {_mm(mean[at[k]] - what_changed.box[k, 0])} mm from the {end}"
     last = ", and " if what_changed.ends else " and "

@@ -76,11 +76,7 @@ class Dynamics:
     def with_parts(self, rows: NDArray[np.float64], mass: float, stiffness: float = 0.0) -> Dynamics:
         """Return the dynamics with a mass, kg, and a spring to the ground, N/m, on each of the `rows` (k, n)."""
         square = rows.T @ rows
-        steady = {
-            **self.steady,
-            "M": self.steady["M"] + mass * square,
-            "K": self.steady["K"] + stiffness * square,
-        }
+        steady = {**self.steady, "M": self.steady["M"] + mass * square, "K": self.steady["K"] + stiffness * square}
         return replace(self, steady=steady)
 
 
@@ -155,10 +151,7 @@ def poles(
 
 
 def receptance(
-    of: Dynamics,
-    frequency: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    force: NDArray[np.float64],
+    of: Dynamics, frequency: NDArray[np.float64], rows: NDArray[np.float64], force: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     """Return receptances, (n_output, n_frequency), to one force.
 
@@ -307,9 +300,7 @@ def simulate(test: VirtualTest) -> dict[str, tuple[FRF, TrueModes]]:
 def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> TrueModes:
     """Return the true modes of a specimen whose reduced equations are `system`."""
     c = specimen.configuration
-    modes = model.solve_modes(
-        system, G_f=c.G_f, d_f=c.d_f, n_mode=N_MODE, observation=specimen.output, by=()
-    ).elastic()
+    modes = model.solve_modes(system, G_f=c.G_f, d_f=c.d_f, n_mode=N_MODE, observation=specimen.output, by=()).elastic()
     bare = _with_shaker(test, specimen, system)
     start = 2.0 * np.pi * modes.frequency * (-modes.damping + 1j * np.sqrt(1.0 - modes.damping**2))
     pole, vector = poles(bare, start, modes.coordinate)
@@ -357,9 +348,7 @@ def _sensors(specimen: Specimen) -> Observation:
 def _driving_point(specimen: Specimen) -> Observation:
     """All translations of the driving point."""
     at = specimen.shaker
-    return Observation(
-        node=np.repeat(at.node, 3), location=np.repeat(at.location, 3, axis=0), direction=np.eye(3)
-    )
+    return Observation(node=np.repeat(at.node, 3), location=np.repeat(at.location, 3, axis=0), direction=np.eye(3))
 
 
 def _with_shaker(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> Dynamics:

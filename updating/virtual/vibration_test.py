@@ -205,9 +205,7 @@ def specimens(test: VirtualTest) -> tuple[Specimen, ...]:
     )
     location = size * test.geometry.coordinate
     at_shaker = test.geometry.node == test.shaker.node[0]
-    stack = replace(
-        stack, instruments=Instruments(shaker=tuple(location[at_shaker][0]), sensor=location[~at_shaker])
-    )
+    stack = replace(stack, instruments=Instruments(shaker=tuple(location[at_shaker][0]), sensor=location[~at_shaker]))
     stack = _with_effects(test, stack)
     node = test.geometry.node[~at_shaker]
     output = Observation(
@@ -298,8 +296,7 @@ def read_virtual_test(path: Path, effect_files: Iterable[Path] = ()) -> VirtualT
             effects=effects,
             effect_values=values,
             deviation={
-                name: tuple(value) if isinstance(value, list) else (value,)
-                for name, value in given.deviation.items()
+                name: tuple(value) if isinstance(value, list) else (value,) for name, value in given.deviation.items()
             },
             spread=given.spread,
             sensor_mass=1e-3 * measurement.sensor_mass_g,
@@ -335,9 +332,7 @@ def _in_si(given: _Configuration, contact: Contact) -> VirtualConfiguration:
 def _averaging(given: _Measurement) -> Averaging | None:
     if given.averages is None:
         return None
-    return Averaging(
-        n_average=given.averages, force_noise=given.force_noise, response_noise=given.response_noise
-    )
+    return Averaging(n_average=given.averages, force_noise=given.force_noise, response_noise=given.response_noise)
 
 
 def _effects(
@@ -350,9 +345,7 @@ def _effects(
         allowed = [p.name for p in effect.parameters]
         for name, value in entry.values.items():
             if name not in allowed:
-                raise FitError(
-                    f"{path}: effect {effect.name}: no parameter {name!r}; it has {', '.join(allowed)}"
-                )
+                raise FitError(f"{path}: effect {effect.name}: no parameter {name!r}; it has {', '.join(allowed)}")
             values[name] = value
     return effects, values
 
@@ -394,15 +387,11 @@ class _Measurement(Section):
     @model_validator(mode="after")
     def _one_kind_of_noise(self) -> _Measurement:
         if (self.noise is None) == (self.averages is None):
-            raise ValueError(
-                "give either 'noise', of the FRFs, or 'averages' with 'force_noise' and 'response_noise'"
-            )
+            raise ValueError("give either 'noise', of the FRFs, or 'averages' with 'force_noise' and 'response_noise'")
         if self.averages is None and (self.force_noise or self.response_noise):
             raise ValueError("'force_noise' and 'response_noise' belong to 'averages'")
         if not 0 < self.band_Hz[0] < self.band_Hz[1]:
-            raise ValueError(
-                f"band_Hz must be [lower, upper] with 0 < lower < upper, found {list(self.band_Hz)}"
-            )
+            raise ValueError(f"band_Hz must be [lower, upper] with 0 < lower < upper, found {list(self.band_Hz)}")
         return self
 
 

@@ -139,9 +139,7 @@ class _Comparison:
             state.has_functions_beside, state.change_functions = True, figure(beside)
         state.shifts = figure(shift_chart(change))
         state.change_mac = figure(
-            mac_chart(
-                change.mac_matrix, change.matrix_row, change.matrix_column, change.name, change.reference[0]
-            )
+            mac_chart(change.mac_matrix, change.matrix_row, change.matrix_column, change.name, change.reference[0])
         )
 
     def show_pair(self, r: int, s: int) -> None:

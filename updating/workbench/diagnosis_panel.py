@@ -115,9 +115,7 @@ def show(server: Any) -> None:
     controller = server.controller
     with html.Div(classes="d-flex flex-wrap ga-2 align-center"):
         vuetify3.VBtn("Fit G_f and d_f", click=controller.fit, disabled=("!!running",), id="fit")
-        vuetify3.VBtn(
-            "Diagnose", click=controller.diagnose, disabled=("!!running",), color="primary", id="diagnose"
-        )
+        vuetify3.VBtn("Diagnose", click=controller.diagnose, disabled=("!!running",), color="primary", id="diagnose")
         vuetify3.VBtn(
             "Add what was identified",
             click=controller.add_found,

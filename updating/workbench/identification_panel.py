@@ -40,9 +40,7 @@ def diagram_chart(tested: Tested, lines: FRF, order: int) -> Chart:
     """Draw the stabilisation chart of a band."""
     diagram = stabilization(lines, order=order)
     measured = tested.measured
-    return stabilization_chart(
-        diagram, stability(diagram, lines), dropped_columns(diagram, lines, measured), measured
-    )
+    return stabilization_chart(diagram, stability(diagram, lines), dropped_columns(diagram, lines, measured), measured)
 
 
 def toggled(pole: NDArray[np.complex128], hertz: float, percent: float) -> NDArray[np.complex128]:
@@ -222,9 +220,7 @@ class _Picking:
         self._tested = tested = self.opened.tested(self.state.configuration)
         if not tested.has_functions:
             self._tested = self._lines = None
-            self.state.update(
-                {"stabilization": empty(), "synthesis": empty(), "auto_mac": empty(), "poles": []}
-            )
+            self.state.update({"stabilization": empty(), "synthesis": empty(), "auto_mac": empty(), "poles": []})
             self.state.poles_text = f"{tested.name}: {tested.no_functions}."
             return
         frf, measured = tested.frf(), tested.measured
@@ -232,10 +228,7 @@ class _Picking:
         self._pole = read_poles(file) if file.exists() else np.array(measured.pole)
         state, above = self.state, frf.frequency[frf.frequency > 0.0]
         state.lines = [float(above[0]), float(above[-1])]
-        state.band = [
-            max(float(measured.band[0]), state.lines[0]),
-            min(float(measured.band[1]), state.lines[1]),
-        ]
+        state.band = [max(float(measured.band[0]), state.lines[0]), min(float(measured.band[1]), state.lines[1])]
         state.order = self._order = self._asked_order(frf.band(*measured.band).frequency.size)
         state.has_runs = measured.run.size > 1
         if state.has_runs:
@@ -275,9 +268,7 @@ class _Picking:
         state, all_lines = self.state, self._tested.frf().by_reciprocity()
         lines = all_lines.band(*state.band)
         if lines.frequency.size < least_lines:
-            state.poles_text = (
-                f"The band has {lines.frequency.size} lines; widen it to {least_lines} at least."
-            )
+            state.poles_text = f"The band has {lines.frequency.size} lines; widen it to {least_lines} at least."
             return
         state.order = min(int(state.order), lines.frequency.size // 3)
         try:

@@ -38,12 +38,10 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
     numbers = point_numbers(tested)
     row = {int(n): 1e3 * x for n, x in zip(geometry.node, geometry.coordinate, strict=True)}
     at = np.array([row[n] for n in numbers]).reshape(-1, 3)
-    ends = np.array(
-        [[row[int(a)], row[int(b)]] for a, b in geometry.line if int(a) in row and int(b) in row]
-    ).reshape(-1, 2, 3)
-    doubtful = {
-        point for verdict in tested.quality.verdicts if verdict.level != "pass" for point in verdict.point
-    }
+    ends = np.array([[row[int(a)], row[int(b)]] for a, b in geometry.line if int(a) in row and int(b) in row]).reshape(
+        -1, 2, 3
+    )
+    doubtful = {point for verdict in tested.quality.verdicts if verdict.level != "pass" for point in verdict.point}
     measured = tested.measured
     wires = [
         (ends, palette.QUIET, "lines"),
@@ -62,10 +60,7 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
         }
         for segments, color, name in wires
     ]  # fmt: skip
-    colour = [
-        palette.MODES if n == chosen else palette.ACCENT if n in doubtful else palette.MEASURED
-        for n in numbers
-    ]
+    colour = [palette.MODES if n == chosen else palette.ACCENT if n in doubtful else palette.MEASURED for n in numbers]
     traces.append(
         {
             "type": "scatter3d", "mode": "markers+text", "name": "points", "showlegend": False,
@@ -89,8 +84,7 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
         "uirevision": "kept",
     }
     return Chart(
-        traces=traces,
-        layout={"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "kept"},
+        traces=traces, layout={"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}, "uirevision": "kept"}
     )
 
 
@@ -108,11 +102,7 @@ def _arrows(
     arrow = 0.05  # of the longest side
     at = np.array(list(place.values()))
     length = arrow * float(np.ptp(at, axis=0).max())
-    known = [
-        (place[int(n)], along)
-        for n, along in zip(node, np.asarray(direction), strict=True)
-        if int(n) in place
-    ]
+    known = [(place[int(n)], along) for n, along in zip(node, np.asarray(direction), strict=True) if int(n) in place]
     return np.array([(start, start + length * along) for start, along in known]).reshape(-1, 2, 3)
 
 
@@ -125,9 +115,7 @@ def point_numbers(tested: Tested) -> list[int]:
 def functions_chart(tested: Tested, frf: FRF, point: int) -> Chart:
     """Draw magnitude, phase and coherence of all functions of one point, with those of the modes over them."""
     lines, fitted = synthesized(frf, tested.measured)
-    pairs = [
-        (int(o), i) for o in np.flatnonzero(lines.output.node == point) for i in range(lines.input.node.size)
-    ]
+    pairs = [(int(o), i) for o in np.flatnonzero(lines.output.node == point) for i in range(lines.input.node.size)]
     traces: list[dict[str, Any]] = []
     for k, (o, i) in enumerate(pairs):
         name = f"{lines.output.name(o)} over {lines.input.name(i)}"
@@ -175,9 +163,7 @@ def findings(tested: Tested, point: int) -> tuple[list[dict[str, str]], list[dic
     others: list[dict[str, str]] = []
     for verdict in tested.quality.verdicts:
         if verdict.level != "pass":
-            (about if point in verdict.point else others).append(
-                {"text": verdict.text, "hint": meaning(verdict.check)}
-            )
+            (about if point in verdict.point else others).append({"text": verdict.text, "hint": meaning(verdict.check)})
     return about, [*others, *({"text": note, "hint": NOTES} for note in tested.quality.notes)]
 
 
@@ -200,10 +186,7 @@ def sources(frf: FRF, point: int, folder: Path) -> list[str]:
     """Return which file each function of a point comes from, those in the campaign's folder as seen from there."""
     outputs = np.flatnonzero(frf.output.node == point)
     start = f"{folder.resolve()}{os.sep}"
-    return [
-        f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o].removeprefix(start)}"
-        for o in outputs
-    ]
+    return [f"{frf.output.name(int(o))}: run {frf.run[o] + 1}, {frf.source[o].removeprefix(start)}" for o in outputs]
 
 
 def panel(server: Any, opened: Opened) -> None:
@@ -280,16 +263,7 @@ def show(server: Any) -> None:
     _list("About the measurement", "others", "Nothing was found about the rest.")
     html.H2("Modes", classes="text-subtitle-1 mt-2")
     with vuetify3.VTable(density="compact", id="modes"):
-        names = (
-            "mode",
-            "frequency [Hz]",
-            "damping [%]",
-            "MPC",
-            "MPD [°]",
-            "MCF",
-            "phase scatter [°]",
-            "finding",
-        )
+        names = ("mode", "frequency [Hz]", "damping [%]", "MPC", "MPD [°]", "MCF", "phase scatter [°]", "finding")
         html.Thead(f"<tr>{''.join(f'<th>{name}</th>' for name in names)}</tr>")
         keys = ("mode", "frequency", "damping", "mpc", "mpd", "mcf", "scatter", "finding")
         cells = "".join(f"<td>{{{{ row.{key} }}}}</td>" for key in keys)

@@ -221,9 +221,5 @@ def moving_shapes(key: str, height: int) -> Callable[[dict[str, Any]], None]:
     """Put the page that is the state `key` into a frame; return what sends it another pair (`shape_numbers`)."""
     from trame.widgets import client, html
 
-    html.Iframe(
-        srcdoc=(key,), style=f"width: 100%; height: {height}px; border: 0", id=key, title="Shapes that move"
-    )
-    return client.JSEval(
-        exec=f"window.document.getElementById('{key}').contentWindow.postMessage($event, '*')"
-    ).exec
+    html.Iframe(srcdoc=(key,), style=f"width: 100%; height: {height}px; border: 0", id=key, title="Shapes that move")
+    return client.JSEval(exec=f"window.document.getElementById('{key}').contentWindow.postMessage($event, '*')").exec

@@ -75,9 +75,7 @@ def guard(token: str, port: Callable[[], int], seen: Callable[[int], None]) -> A
     ) -> web.StreamResponse:
         name = f"lamella_{port()}"
         given = request.query.get("secret"), request.cookies.get(name)
-        known = any(
-            secrets.compare_digest(secret.encode(), token.encode()) for secret in given if secret is not None
-        )
+        known = any(secrets.compare_digest(secret.encode(), token.encode()) for secret in given if secret is not None)
         if not known or request.host not in (f"{HOST}:{port()}", f"localhost:{port()}"):
             return web.Response(status=403, text="403: this address has no or a wrong token\n")
         if request.path == "/ws":
@@ -92,14 +90,7 @@ def guard(token: str, port: Callable[[], int], seen: Callable[[int], None]) -> A
     return check
 
 
-PANELS = (
-    measurement_panel,
-    identification_panel,
-    comparison_panel,
-    what_if_panel,
-    diagnosis_panel,
-    report_panel,
-)
+PANELS = (measurement_panel, identification_panel, comparison_panel, what_if_panel, diagnosis_panel, report_panel)
 
 _STYLE = """
 .v-field-label { opacity: 1 !important; color: #42526b; }
@@ -203,8 +194,6 @@ def page(opened: Opened) -> Any:
                     vuetify3.VTab(panel.TITLE, value=panel.TITLE, prepend_icon=panel.ICON)
             with vuetify3.VWindow(v_model=("panel",), classes="pt-3"):
                 for panel in PANELS:
-                    with vuetify3.VWindowItem(
-                        value=panel.TITLE, transition=("false",), reverse_transition=("false",)
-                    ):
+                    with vuetify3.VWindowItem(value=panel.TITLE, transition=("false",), reverse_transition=("false",)):
                         panel.show(server)
     return server

@@ -208,9 +208,7 @@ def tried_model(
     stack = stack_in_state(read_stack(stack_file), configuration)
     if ranked is not None and stated is not None:
         stack = explained(ranked, known)
-    tried = _as_stated(
-        replace(stack, effects=(), effect_values={}).with_effects(*known), tested.measured, kept
-    )
+    tried = _as_stated(replace(stack, effects=(), effect_values={}).with_effects(*known), tested.measured, kept)
     if kept is None or results.diagnosis is None:
         at_some = [{"G_f": float(g)} for g in np.geomspace(*G_F_BOUNDS, 13)]
     else:
@@ -304,9 +302,7 @@ def knobs(stack: Stack, G_f: float, d_f: float) -> tuple[Knob, ...]:
 def outcome(tried: Tried, values: Mapping[str, float]) -> Outcome:
     """Solve the reduced model for some values of its parameters."""
     solved = tried.solved(values)
-    solved = replace(
-        solved, frequency=solved.frequency * np.interp(solved.frequency, tried.natural, tried.ratio)
-    )
+    solved = replace(solved, frequency=solved.frequency * np.interp(solved.frequency, tried.natural, tried.ratio))
     modes = solved.elastic()
     shape = real_shape(tried.measured.shape)
     likeness = mac(shape, modes.shape)
@@ -354,9 +350,7 @@ def driven(tried: Tried) -> Observed | None:
     """Observe the model where the force acts; None where the points do not say where that is."""
     measured = tried.measured
     try:
-        force = register(
-            tried.stack, measured.geometry, measured.input.node[:1], measured.input.direction[:1]
-        )
+        force = register(tried.stack, measured.geometry, measured.input.node[:1], measured.input.direction[:1])
     except PairingError:
         return None
     return observe(tried.system, force.observation)
@@ -375,9 +369,7 @@ def response(modes: Modes, output: int, force: Observed, lines: FRF) -> NDArray[
     return np.asarray(terms.sum(axis=1) * s[:, 0] ** DERIVATIVE[lines.quantity])
 
 
-def response_chart(
-    lines: FRF, output: int, before: NDArray[np.complex128], now: NDArray[np.complex128]
-) -> Chart:
+def response_chart(lines: FRF, output: int, before: NDArray[np.complex128], now: NDArray[np.complex128]) -> Chart:
     """Draw a measured function with that of the model before and now."""
     traces = [
         {

@@ -102,15 +102,9 @@ class _WhatIf:
         """Reduce the model in the background and show its sliders."""
         wanted = self.state.configuration, list(self.state.tried_effects)
         with self.state as state:
-            state.preparing, state.what_if_text = (
-                True,
-                "Reading or reducing the model, which takes some seconds.",
-            )
+            state.preparing, state.what_if_text = (True, "Reading or reducing the model, which takes some seconds.")
             results = self.opened.results()
-            state.effect_list, state.can_be_set = (
-                effect_choices(results),
-                identified_effects(results) is not None,
-            )
+            state.effect_list, state.can_be_set = (effect_choices(results), identified_effects(results) is not None)
         try:
             tried = await asyncio.get_running_loop().run_in_executor(None, self._try, *wanted)
         except LAMELLA_ERRORS as error:
@@ -120,9 +114,7 @@ class _WhatIf:
         if wanted != (self.state.configuration, list(self.state.tried_effects)):
             return  # something else was chosen meanwhile
         self._tried = tried
-        values = self._wanted or (
-            self._values if wanted == self._of else {}
-        )  # who comes back finds it as it was
+        values = self._wanted or (self._values if wanted == self._of else {})  # who comes back finds it as it was
         self._values = {knob.name: knob.start for knob in tried.knobs}
         with self.state as state:
             state.preparing, state.what_if_text = False, ""
@@ -133,14 +125,9 @@ class _WhatIf:
             names = (
                 []
                 if lines is None
-                else [
-                    f"{lines.output.name(o)} over {lines.input.name(0)}"
-                    for o in range(lines.output.node.size)
-                ]
+                else [f"{lines.output.name(o)} over {lines.input.name(0)}" for o in range(lines.output.node.size)]
             )
-            at_point = (
-                np.flatnonzero(lines.output.node == state.point) if lines is not None else np.empty(0, int)
-            )
+            at_point = np.flatnonzero(lines.output.node == state.point) if lines is not None else np.empty(0, int)
             state.channels = [{"title": name, "value": o} for o, name in enumerate(names)]
             state.channel = int(at_point[0]) if at_point.size else 0
             self._draw(tried)
@@ -340,11 +327,7 @@ def show(server: Any) -> None:
             )
             html.P("{{ what_if_text }}", classes="text-body-2 mt-2", id="what-if-text")
         with vuetify3.VCol(cols=12, md=7, v_show="outcome_text", classes=(_STALE,)):
-            html.P(
-                "Of what was tried before, until the model is there.",
-                v_if="preparing",
-                classes="text-caption",
-            )
+            html.P("Of what was tried before, until the model is there.", v_if="preparing", classes="text-caption")
             html.P("{{ outcome_text }}", classes="text-subtitle-1", id="outcome-text")
             plot("outcome", 380)
             vuetify3.VSelect(

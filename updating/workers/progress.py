@@ -103,12 +103,7 @@ def shown(text: str, n_task: int, console: Console) -> Iterator[Progress]:
     console : Console
         Where; beside one that is no terminal, stderr has a line every few seconds.
     """
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     level = LOG.level
     with Progress(*columns, console=console, transient=True) as bar:
         bar.add_task(text, total=n_task)

@@ -72,9 +72,7 @@ class Sets:
         quantity: Quantity = "accelerance",
     ) -> tuple[FRF, Truth]:
         if phi is None:
-            phi = np.stack(
-                [np.cos(k * np.pi * np.linspace(0, 1, self.n)) for k in range(1, f.size + 1)], axis=1
-            )
+            phi = np.stack([np.cos(k * np.pi * np.linspace(0, 1, self.n)) for k in range(1, f.size + 1)], axis=1)
             phi = phi + 0.15 * rng.standard_normal(phi.shape)
         pole, residue, clean = self.clean_functions(f, z, phi, drive, quantity)
         sigma = noise * np.sqrt(np.mean(np.abs(clean) ** 2, axis=1))
@@ -173,9 +171,7 @@ def peers() -> Peers:
 def report(sets: Sets, peers: Peers):
     """Takes figure, target, what Lamella reached and what the peers did; prints the table at the end."""
     rows: list[tuple[str, ...]] = []
-    yield lambda figure, target, reached, *other: rows.append(
-        (figure, target, reached, *(other or (NONE, NONE)))
-    )
+    yield lambda figure, target, reached, *other: rows.append((figure, target, reached, *(other or (NONE, NONE))))
     print(
         f"\n\n{sets.count} sets; peers {peers.count} sets, given the true frequencies\n\n"
         "| figure | target | Lamella | sdypy-EMA | PolyPy |\n| --- | --- | --- | --- | --- |"

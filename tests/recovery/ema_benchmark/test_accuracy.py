@@ -18,9 +18,7 @@ def cramer_rao(sets, truth) -> tuple[NDArray, NDArray]:
     p = truth.pole
     a = power[:, None] / (s[:, None] - p)
     b = power[:, None] / (s[:, None] - p.conj())
-    linear = np.concatenate(
-        [a + b, 1j * (a - b), np.outer(power, [1, 1j]), np.outer(power / s**2, [1, 1j])], 1
-    )
+    linear = np.concatenate([a + b, 1j * (a - b), np.outer(power, [1, 1j]), np.outer(power / s**2, [1, 1j])], 1)
     linear = np.concatenate([linear.real, linear.imag])
     q, _ = np.linalg.qr(linear / np.linalg.norm(linear, axis=0))
     information = np.zeros((2 * p.size, 2 * p.size))
@@ -38,10 +36,7 @@ def cramer_rao(sets, truth) -> tuple[NDArray, NDArray]:
     size = np.abs(p)
     to_f = np.concatenate([np.diag(p.real / size), np.diag(p.imag / size)], axis=1) / (2 * np.pi)
     to_z = np.concatenate([np.diag(-(p.imag**2) / size**3), np.diag(p.real * p.imag / size**3)], axis=1)
-    return (
-        np.sqrt(np.diag(to_f @ covariance @ to_f.T))[:m],
-        np.sqrt(np.diag(to_z @ covariance @ to_z.T))[:m],
-    )
+    return (np.sqrt(np.diag(to_f @ covariance @ to_f.T))[:m], np.sqrt(np.diag(to_z @ covariance @ to_z.T))[:m])
 
 
 def peer_errors(sets, count: int, poles, noise: float) -> str:
@@ -53,9 +48,7 @@ def peer_errors(sets, count: int, poles, noise: float) -> str:
         )
         f, z = poles(frf.value[:, 0], sets.lines, sets.frequency)
         bound_f, bound_z = cramer_rao(sets, truth)
-        rows.append(
-            np.stack([(f - sets.frequency) / bound_f, (z - sets.damping) / bound_z, z / sets.damping - 1.0])
-        )
+        rows.append(np.stack([(f - sets.frequency) / bound_f, (z - sets.damping) / bound_z, z / sets.damping - 1.0]))
     data = np.array(rows)
     rms = np.sqrt(np.mean(data[:, :2] ** 2, axis=0)).max()
     return f"{rms:.3g} / {100 * np.abs(data[:, 2].mean(axis=0)).max():.3g} %"
@@ -123,10 +116,7 @@ def peer_bands(sets, count: int, poles) -> str:
         except Exception:
             failed += 1
             continue
-        worst_f, worst_z = (
-            max(worst_f, abs(found[0] / f - 1.0)),
-            max(worst_z, abs(damping[0] / z - 1.0)),
-        )
+        worst_f, worst_z = (max(worst_f, abs(found[0] / f - 1.0)), max(worst_z, abs(damping[0] / z - 1.0)))
     return f"{100 * worst_f:.2g} %, {100 * worst_z:.2g} %, {failed} of {total} bands failed"
 
 

@@ -38,23 +38,15 @@ def test_missed_and_invented_modes(sets, report):
         model = sets.identified(frf)
         half_bandwidth = truth.frequency * truth.damping
         distance = np.abs(model.frequency[:, None] - truth.frequency) / half_bandwidth
-        partner = {
-            int(np.argmin(distance[:, k])) for k in np.flatnonzero(counted) if distance[:, k].min() < 1.0
-        }
+        partner = {int(np.argmin(distance[:, k])) for k in np.flatnonzero(counted) if distance[:, k].min() < 1.0}
         lost = np.count_nonzero(counted) - len(partner)
         # A pole near a true mode that is too weak or too close to count is no invention.
-        extra = [
-            j
-            for j in range(model.frequency.size)
-            if j not in partner and not np.any(distance[j, ~counted] < 3)
-        ]
+        extra = [j for j in range(model.frequency.size) if j not in partner and not np.any(distance[j, ~counted] < 3)]
         missed += lost > 0
         invented += bool(extra)
         wrong += lost > 0 or bool(extra)
         if lost or extra:
-            print(
-                f"set {seed}: lost {lost}, invented {model.frequency[extra]}, true {truth.frequency.round(2)}"
-            )
+            print(f"set {seed}: lost {lost}, invented {model.frequency[extra]}, true {truth.frequency.round(2)}")
     report(
         f"sets with missed / invented modes, of {sets.count}",
         "neither in 97 %",

@@ -94,9 +94,7 @@ def building() -> Measured:
         name = next(n for n in archive.namelist() if n.endswith(".npz"))
         value = np.load(io.BytesIO(archive.read(name)))["data"].T
     frequency = 0.0625 * np.arange(value.shape[1])
-    return Measured(
-        name="building", frf=block(frequency, value), band=(10, 97), frequency=(21.42, 50.01, 68.29)
-    )
+    return Measured(name="building", frf=block(frequency, value), band=(10, 97), frequency=(21.42, 50.01, 68.29))
 
 
 def ruler() -> Measured:
@@ -112,10 +110,7 @@ def five_blows() -> Measured:
     value = np.sum(response * force.conj(), axis=0) / np.sum(np.abs(force) ** 2, axis=0)
     found = (810.4, 900.1, 2640.0, 3670.0, 4126.0, 4393.0)
     return Measured(
-        name="five blows",
-        frf=block(np.arange(value.size) * 1.0, value[None]),
-        band=(300, 5000),
-        frequency=found,
+        name="five blows", frf=block(np.arange(value.size) * 1.0, value[None]), band=(300, 5000), frequency=found
     )
 
 
@@ -209,9 +204,6 @@ def test_real_sets(sets):
             count += n_same, n_listed, wanted.size - n_same - n_listed, extra
         same, wanted_in_all = same + count[0], wanted_in_all + count[:3].sum()
         in_bands = " | ".join(map(str, count))
-        print(
-            f"| {measured.name} | {model.frequency.size} | {whole:.4f} | {peer:.4f} | {in_bands} |",
-            flush=True,
-        )
+        print(f"| {measured.name} | {model.frequency.size} | {whole:.4f} | {peer:.4f} | {in_bands} |", flush=True)
     assert all(ours > theirs for ours, theirs in shares)
     assert same >= 0.9 * wanted_in_all

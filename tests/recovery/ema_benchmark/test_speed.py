@@ -121,9 +121,7 @@ def seconds_of(few, frf) -> float:
 def test_runs_cost_no_more_than_linear_time(sets, report):
     rng = np.random.default_rng(11)
     few, many = (seconds_of(*of_runs(sets, n_run, 3, rng)) for n_run in (5, 20))
-    report(
-        "20 roving runs of 3 sensors", "4 times 5 runs", f"{many:.1f} s, {many / few:.1f} times", NONE, NONE
-    )
+    report("20 roving runs of 3 sensors", "4 times 5 runs", f"{many:.1f} s, {many / few:.1f} times", NONE, NONE)
     assert many < 1.2 * 4 * few
 
 
@@ -136,13 +134,10 @@ def test_a_roving_hammer_takes_a_minute(sets, report):
     phi = np.stack([np.cos(k * np.pi * np.linspace(0, 1, few.n)) for k in range(1, 13)], axis=1)
     phi = phi + 0.15 * rng.standard_normal(phi.shape)
     value = np.stack(
-        [few.noisy(rng, frequency, damping, 0.02, phi=phi, drive=k)[0].value[:, 0] for k in (3, 30, 60)],
-        axis=1,
+        [few.noisy(rng, frequency, damping, 0.02, phi=phi, drive=k)[0].value[:, 0] for k in (3, 30, 60)], axis=1
     )
     z = np.tile([0.0, 0.0, 1.0], (3, 1))
-    frf = replace(
-        few.block(value[:, 0], "accelerance", 3), value=value, input=Dofs(node=[3, 30, 60], direction=z)
-    )
+    frf = replace(few.block(value[:, 0], "accelerance", 3), value=value, input=Dofs(node=[3, 30, 60], direction=z))
     seconds = seconds_of(few, frf)
     report("222 functions of 1601 lines", "60 s", f"{seconds:.1f} s", NONE, NONE)
     assert seconds < 60.0

@@ -24,12 +24,8 @@ def main() -> None:
     """Reproduce what the arguments ask for, and print how far it is off."""
     parser = argparse.ArgumentParser(prog="python -m tests.studies.published", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder of the results")
-    parser.add_argument(
-        "--calibration", action="append", choices=CALIBRATIONS, help="by default each in turn"
-    )
-    parser.add_argument(
-        "--effect", action="append", help="effects that all stacks share; by default clamp_inertia"
-    )
+    parser.add_argument("--calibration", action="append", choices=CALIBRATIONS, help="by default each in turn")
+    parser.add_argument("--effect", action="append", help="effects that all stacks share; by default clamp_inertia")
     asked = parser.parse_args()
     effects = asked.effect or ["clamp_inertia"]
     results = reproduce_campaign(TABLES, asked.calibration or CALIBRATIONS, effects, asked.output, OUT)

@@ -301,10 +301,7 @@ def read_published(folder: Path) -> Published:
                 row["stack"]: {name: float(row[name]) for name in row if name != "stack"}
                 for row in _rows(folder / "table6_contact_parameters.csv")
             },
-            pressure={
-                row["torque"]: 1e3 * float(row["pressure_kPa"])
-                for row in _rows(folder / "table2_pressure.csv")
-            },
+            pressure={row["torque"]: 1e3 * float(row["pressure_kPa"]) for row in _rows(folder / "table2_pressure.csv")},
             folder=folder,
         )
     except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
@@ -336,10 +333,7 @@ def prepare_published(
         return dataclasses.replace(pressed, name=f"stack {name} at {torque}", height=height[name])
 
     classes = data.table.shape_class
-    sevens = [
-        target_of_table(stack(row.name, "M2"), classes, row.frequency, name=row.name)
-        for row in data.table.rows
-    ]
+    sevens = [target_of_table(stack(row.name, "M2"), classes, row.frequency, name=row.name) for row in data.table.rows]
     fours = [
         target_of_table(
             stack(row["stack"], row["torque"]),
@@ -416,9 +410,7 @@ def _predictor(prepared: Prepared) -> Callable[[float], Prediction]:
     def predict(G_f: float) -> Prediction:
         modes, column = solve_target(prepared, {"G_f": G_f}, ("G_f",))
         if np.any(column < 0):
-            message = (
-                f"{prepared.target.stack.name}: the model lacks a mode of a published class at G_f = {G_f:g}"
-            )
+            message = f"{prepared.target.stack.name}: the model lacks a mode of a published class at G_f = {G_f:g}"
             raise FitError(message)
         return modes.frequency[column], modes.frequency_gradient[column, 0]
 

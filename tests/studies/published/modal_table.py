@@ -17,14 +17,7 @@ from lamella_shared import arrays
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.criteria import class_grid, solve_by_class
 from updating.errors import FitError
-from updating.fitting.fit import (
-    G_F_BOUNDS,
-    N_SNAPSHOT,
-    Estimate,
-    Prediction,
-    estimate_stiffness,
-    frequency_error,
-)
+from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT, Estimate, Prediction, estimate_stiffness, frequency_error
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -129,9 +122,7 @@ def read_modal_table(path: Path) -> ModalTable:
     shared = read_stack(folder / described.structure.stack)
     height = _column(folder / table.height.file, table.height.configuration, table.height.height_mm)
     G_f = _column(
-        folder / table.published_contact.file,
-        table.published_contact.configuration,
-        table.published_contact.G_f,
+        folder / table.published_contact.file, table.published_contact.configuration, table.published_contact.G_f
     )
     columns = [
         _column(folder / table.file, table.configuration, c)
@@ -212,9 +203,7 @@ def _predictor(row: TableRow, shape_class: tuple[str, ...]) -> Callable[[float],
         modes, column = solve_by_class(system, grid, shape_class, G_f=G_f)
         if np.any(column < 0):
             missing = [name for name, c in zip(shape_class, column, strict=True) if c < 0]
-            message = (
-                f"stack {row.name}: the model has no mode of class {', '.join(missing)} at G_f = {G_f:g}"
-            )
+            message = f"stack {row.name}: the model has no mode of class {', '.join(missing)} at G_f = {G_f:g}"
             raise FitError(message)
         return modes.frequency[column], modes.frequency_gradient[column, modes.parameter.index("G_f")]
 
@@ -236,9 +225,7 @@ def _column(path: Path, key: str, column: str) -> dict[str, float]:
                 try:
                     values[row[key]] = float(row[column])
                 except (TypeError, ValueError) as error:
-                    message = (
-                        f"{path}, line {reader.line_num}: {column} is {row[column]!r}, expected a number"
-                    )
+                    message = f"{path}, line {reader.line_num}: {column} is {row[column]!r}, expected a number"
                     raise FitError(message) from error
             return values
     except (OSError, ValueError, csv.Error) as error:

@@ -59,9 +59,7 @@ def conclusion(results: Sequence[Calibrated]) -> str:
     lines.append(
         f"Under {names} the shared effects leave {_range([100 * f for f in fall], '.0f')} % of the base error."
     )
-    at_target = [
-        result.calibration for result in results if result.shared.error() <= TARGET[result.calibration]
-    ]
+    at_target = [result.calibration for result in results if result.shared.error() <= TARGET[result.calibration]]
     lines.append(f"At or below the error of the prototype: {', '.join(at_target) or 'none'}.")
     for i, p in enumerate(results[0].shared.parameter):
         values = [result.shared.parameter[i].value for result in results]
@@ -91,13 +89,7 @@ def table_7_csv(results: Sequence[Calibrated]) -> bytes:
     for result in results:
         for row, after, out in zip(result.row, result.shared.frequency, result.shared.left_out, strict=True):
             for r in range(row.measured.size):
-                values = (
-                    row.measured[r],
-                    row.published[r],
-                    row.frequency[r],
-                    after[r],
-                    out[r],
-                )
+                values = (row.measured[r], row.published[r], row.frequency[r], after[r], out[r])
                 rows.append([result.calibration, row.stack, str(r + 1), *(f"{v:.6g}" for v in values)])
     return _csv(rows)
 
@@ -105,16 +97,7 @@ def table_7_csv(results: Sequence[Calibrated]) -> bytes:
 def table_6_csv(results: Sequence[Calibrated]) -> bytes:
     """Table 6 of the paper beside ours; the source has frequencies at M1, and damping, of Table 4's stacks only."""
     rows = [
-        [
-            "calibration",
-            "stack",
-            "torque",
-            "published_G_f",
-            "G_f",
-            "published_d_f_s_per_Pa",
-            "d_f_s_per_Pa",
-            "error",
-        ]
+        ["calibration", "stack", "torque", "published_G_f", "G_f", "published_d_f_s_per_Pa", "d_f_s_per_Pa", "error"]
     ]
     for result in results:
         seven = {t.stack for t in result.torque}
@@ -202,18 +185,11 @@ def treatment_figure(results: Sequence[Calibrated], published: Published) -> Fig
 
 
 def _legend_above(figure: Figure) -> None:
-    figure.legend(
-        *figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8
-    )
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)
 
 
 def _contact(
-    axes: Axes,
-    results: Sequence[Calibrated],
-    published: Published,
-    ticks: Mapping[str, str],
-    *,
-    damping: bool,
+    axes: Axes, results: Sequence[Calibrated], published: Published, ticks: Mapping[str, str], *, damping: bool
 ) -> None:
     """Draw G_f at 320 kPa, or d_f as the mean of both torques, as bars and the published ones as diamonds."""
     x = np.arange(len(ticks))
@@ -222,11 +198,7 @@ def _contact(
         centre = x + 0.8 * (k + 0.5) / len(results) - 0.4
         height = [value.get(stack, np.nan) for stack in ticks]
         axes.bar(
-            centre,
-            height,
-            0.8 / len(results),
-            label=result.calibration,
-            color=palette.SERIES[k % len(palette.SERIES)],
+            centre, height, 0.8 / len(results), label=result.calibration, color=palette.SERIES[k % len(palette.SERIES)]
         )
     key, factor = ("df_avg", 1e12) if damping else ("Gf_M2", 1.0)
     diamonds = [factor * published.contact.get(stack, {}).get(key, np.nan) for stack in ticks]
@@ -253,19 +225,9 @@ def error_figure(results: Sequence[Calibrated]) -> Figure:
         x = np.arange(len(stacks))
         low = {t.stack: 100 * t.error for t in result.torque if t.torque == "M1"}
         axes.bar(
-            x - 0.2,
-            [low.get(s, np.nan) for s in stacks],
-            0.4,
-            label="ours, M1 (Table 4)",
-            color=palette.SERIES[0],
+            x - 0.2, [low.get(s, np.nan) for s in stacks], 0.4, label="ours, M1 (Table 4)", color=palette.SERIES[0]
         )
-        axes.bar(
-            x + 0.2,
-            [100 * row.error for row in result.row],
-            0.4,
-            label="ours, M2 (Table 7)",
-            color=palette.BASE,
-        )
+        axes.bar(x + 0.2, [100 * row.error for row in result.row], 0.4, label="ours, M2 (Table 7)", color=palette.BASE)
         axes.plot(x + 0.2, [100 * row.published_error for row in result.row], "kD", label="published, M2")
         _finish(axes, stacks, f"{result.calibration}: base model")
     return figure
@@ -282,23 +244,9 @@ def fall_figure(results: Sequence[Calibrated]) -> Figure:
             [100 * np.nanmean(np.abs(f / m - 1.0)) for f, m in zip(of, result.shared.measured, strict=True)]
             for of in (result.shared.frequency, result.shared.left_out)
         )
-        axes.bar(
-            x - 0.27, [100 * row.error for row in result.row], 0.27, label="base model", color=palette.BASE
-        )
-        axes.bar(
-            x,
-            with_effects,
-            0.27,
-            label=" + ".join(printed_effects(result.shared.effects)),
-            color=palette.FOUND,
-        )
-        axes.bar(
-            x + 0.27,
-            left_out,
-            0.27,
-            label="the same, parameters from the other stacks",
-            color=palette.ELSEWHERE,
-        )
+        axes.bar(x - 0.27, [100 * row.error for row in result.row], 0.27, label="base model", color=palette.BASE)
+        axes.bar(x, with_effects, 0.27, label=" + ".join(printed_effects(result.shared.effects)), color=palette.FOUND)
+        axes.bar(x + 0.27, left_out, 0.27, label="the same, parameters from the other stacks", color=palette.ELSEWHERE)
         title = (
             f"{result.calibration}: {100 * result.error:.1f} % → {100 * result.shared.error():.1f} %, "
             f"left out {100 * result.shared.error(result.shared.left_out):.1f} %"
@@ -339,9 +287,7 @@ def law_figure(results: Sequence[Calibrated]) -> Figure:
         x = np.arange(len(law.stack) + 1) + shift
         (line,) = left.plot(x[:-1], law.own, "o", markersize=4, label=result.calibration)
         around = np.abs(np.array(law.jackknife) - law.exponent)[:, None]
-        left.errorbar(
-            x[-1:], [law.exponent], around, fmt="D", markersize=4, color=line.get_color(), capsize=3
-        )
+        left.errorbar(x[-1:], [law.exponent], around, fmt="D", markersize=4, color=line.get_color(), capsize=3)
         errors = [100 * law.error(name) for name in ("linear", "power", "refitted")]
         right.bar(np.arange(3) + 0.2 * (k - (len(results) - 1) / 2), errors, 0.2, label=result.calibration)
     left.axhline(1.0, color=palette.INK, linewidth=0.8, linestyle="--")

@@ -108,10 +108,7 @@ class Prepared:
 
 @single_threaded
 def prepare(
-    targets: Sequence[Target],
-    *,
-    G_f_bounds: tuple[float, float] = G_F_BOUNDS,
-    n_snapshot: int = N_SNAPSHOT,
+    targets: Sequence[Target], *, G_f_bounds: tuple[float, float] = G_F_BOUNDS, n_snapshot: int = N_SNAPSHOT
 ) -> tuple[Prepared, ...]:
     """Reduce the models of targets; those that differ by uniform pressure alone share one reduction.
 

@@ -151,9 +151,7 @@ def _treatment(
     for treated, twin in pairs:
         if treated in data.contact and twin in data.contact:
             with_treatment, without = data.contact[treated], data.contact[twin]
-            stiffer, lossier = (
-                float(np.log(with_treatment[key] / without[key])) for key in ("Gf_avg", "df_avg")
-            )
+            stiffer, lossier = (float(np.log(with_treatment[key] / without[key])) for key in ("Gf_avg", "df_avg"))
             listed.append((f"{treated} against {twin}", stiffer, lossier))
     return Treatment(
         name=name,
@@ -171,9 +169,7 @@ def _damping(both: dict[str, Prepared], treated: str, twin: str, G_f: dict[str, 
     for torque in ("M1", "M2"):
         with_treatment, without = both[f"{treated} {torque}"], both[f"{twin} {torque}"]
         per_d_f = [
-            _log(prepared.target.damping)
-            - _log(prepared.target.frequency)
-            - _log(_sensitivity(prepared, G_f[name]))
+            _log(prepared.target.damping) - _log(prepared.target.frequency) - _log(_sensitivity(prepared, G_f[name]))
             for prepared, name in ((with_treatment, treated), (without, twin))
         ]
         moved.append(per_d_f[0] - per_d_f[1])
@@ -233,11 +229,7 @@ def treatments_csv(changes: Sequence[Treatment]) -> bytes:
     writer = csv.writer(text, lineterminator="\n")
     what = ("G_f", "d_f", "exponent")
     writer.writerow(
-        [
-            "treatment",
-            "stacks",
-            *(f"{quantity}{end}" for quantity in what for end in ("", "_lower", "_upper")),
-        ]
+        ["treatment", "stacks", *(f"{quantity}{end}" for quantity in what for end in ("", "_lower", "_upper"))]
     )
     for change in changes:
         shares = [

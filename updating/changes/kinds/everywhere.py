@@ -16,9 +16,7 @@ from updating.changes.structure import Part
 
 def whole_contact(fields: Fields) -> Part:
     """Return the stiffness of all interfaces against slip."""
-    return Part(
-        rows=fields.slip(fields.layers[0]), target="K", weight=sp.csr_array(fields.grid.area[None, :])
-    )
+    return Part(rows=fields.slip(fields.layers[0]), target="K", weight=sp.csr_array(fields.grid.area[None, :]))
 
 
 def interfaces(fields: Fields) -> tuple[Part, ...]:

@@ -22,12 +22,7 @@ around it (Eshelby, Proc. R. Soc. A 241, 1957: 1 / (1 - S), S near a half in ben
 
 
 def patches(
-    fields: Fields,
-    at: Vector,
-    *,
-    of: Callable[[Fields, Layer], Vector],
-    sign: float,
-    upper: float = _FAR,
+    fields: Fields, at: Vector, *, of: Callable[[Fields, Layer], Vector], sign: float, upper: float = _FAR
 ) -> Candidates:
     """Return patches whose stiffness is more (sign 1) or less (-1) by a share.
 
@@ -75,7 +70,6 @@ def _bells(fields: Fields, at: Vector) -> tuple[Vector, Vector, list[Any]]:
     weight, layers = bumps(fields.grid, centre, radius), fields.layers
     nothing = sp.csr_array(weight.shape)
     weights = [
-        sp.vstack([weight if j == i else nothing for j in range(len(layers))]).tocsr()
-        for i in range(len(layers))
+        sp.vstack([weight if j == i else nothing for j in range(len(layers))]).tocsr() for i in range(len(layers))
     ]
     return radius.min(axis=1), centre, weights

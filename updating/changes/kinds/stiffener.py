@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from updating.changes.candidate import (
-    Candidates,
-    Kind,
-    amplitude,
-    at_heights,
-    crossed,
-    lines,
-    needs_laminas,
-    plain,
-)
+from updating.changes.candidate import Candidates, Kind, amplitude, at_heights, crossed, lines, needs_laminas, plain
 from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part, Structure
 
@@ -41,9 +32,7 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
     mass_parts, parts = [], []
     for j, angle in enumerate(_ANGLES):
         weight = lines(fields.grid, centre, np.full(n, angle), length)
-        inertia = (
-            thick**3 / 12.0 + thick * ((h + thick) / 2.0) ** 2
-        )  # of unit width, about the plate's middle
+        inertia = thick**3 / 12.0 + thick * ((h + thick) / 2.0) ** 2  # of unit width, about the plate's middle
         blocks = [sp.csr_array(weight.shape)] * m
         blocks[j] = sp.diags_array(young * inertia) @ weight
         parts.append(Part(rows=fields.along(float(angle)), target="K", weight=sp.vstack(blocks).tocsr()))
