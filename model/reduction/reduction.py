@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import logging
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -42,6 +43,8 @@ from model.solvers.stack_solver import Solver, solver_over_plan
 from model.stack.effect import OMEGA_REFERENCE, Effect
 from model.stack.errors import SolveError
 from model.stack.stack import Stack
+
+_LOG = logging.getLogger(__name__)
 
 
 def assemble(stack: Stack) -> Assembly:
@@ -236,11 +239,13 @@ def _from_snapshots(
     """Reduce the equations of all laminas over z and then to the span of snapshots at the samples."""
     stack, outer = laminas.stack, samples[: len(box) + 1]
     with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
+    _LOG.info("reduce the model, 1 of 4: functions over the height")
     over_z = through_thickness_basis(stack, laminas, [*outer, *with_effects], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     starts = [snapshot[:, n_rigid(stack) :] for snapshot in over_z.snapshots[: len(outer)]]
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
     basis, n_base = _snapshot_basis(assembly, samples, starts, rigid, kinds, local, n_mode)
+    _LOG.info("reduce the model, 4 of 4: project %d terms on %d shapes", len(assembly.terms), basis.shape[1])
     n_displaced = basis.shape[1]
     riding, n_riding = riding_terms(assembly, basis)
     steady = [term for term in assembly.terms if not isinstance(term.factor, Riding)]
@@ -294,9 +299,11 @@ def _snapshot_basis(
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
         return assembly.apply(mass, x)
 
+    _LOG.info("reduce the model, 2 of 4: modes at %d points of its parameters", len(samples))
     modes = _snapshot_modes(assembly, solver, samples, starts, rigid, product, n_mode)
     space = _extended(orthonormalize(rigid, product), leading(modes, assembly, kinds[0][1]), product)
     base = space[0]
+    _LOG.info("reduce the model, 3 of 4: answers to its effects")
 
     def at_point(at: Mapping[str, float]) -> tuple[Factor, tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """Return the factor of K + shift M there, and the elastic modes."""

@@ -105,6 +105,8 @@ def test_work_says_in_a_pipe_what_it_is_at(monkeypatch, capsys):
     with progress("diagnose", Console(file=io.StringIO())):
         log.info("weigh %d explanations", 7)
         until_said(capsys, r"diagnose, stage 1: weigh 7 explanations \(\d+ s\)")
+        logging.getLogger("model").info("reduce the model")
+        until_said(capsys, r"diagnose, stage 2: reduce the model \(\d+ s\)")
     with progress_module.shown("identify", 3, Console(file=io.StringIO())) as bar:
         bar.advance(bar.task_ids[0])
         until_said(capsys, r"identify, 1 of 3 done \(\d+ s\)")

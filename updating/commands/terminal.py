@@ -147,18 +147,20 @@ def progress(title: str, console: Console) -> Iterator[None]:
     """
     from updating.workers.progress import in_lines
 
-    log = logging.getLogger("updating")
-    level = log.level
+    logs = [logging.getLogger(name) for name in ("updating", "model")]
+    levels = [log.level for log in logs]
     with console.status(title) as status:
         handler = _Shown(title, status)
-        log.addHandler(handler)
-        log.setLevel(logging.INFO)
+        for log in logs:
+            log.addHandler(handler)
+            log.setLevel(logging.INFO)
         try:
             with in_lines(lambda: handler.last, console):
                 yield
         finally:
-            log.setLevel(level)
-            log.removeHandler(handler)
+            for log, level in zip(logs, levels, strict=True):
+                log.setLevel(level)
+                log.removeHandler(handler)
 
 
 def bar(console: Console) -> Progress:
