@@ -11,13 +11,16 @@ import csv
 import errno
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from lamella_shared import arrays
 from model.stack.errors import StackError
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicHermiteSpline
 
 
 def plain_text(path: Path) -> str:
@@ -85,12 +88,14 @@ class CompressionCurve:
                     f"more, but point {row + 1} has {values[row]:g} after {values[row - 1]:g}"
                 )
 
-    def _spline(self) -> scipy.interpolate.CubicHermiteSpline:
-        slope = scipy.interpolate.PchipInterpolator(self.strain, self.pressure).derivative()(self.strain)
+    def _spline(self) -> CubicHermiteSpline:
+        from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # here: few stacks have such a curve
+
+        slope = PchipInterpolator(self.strain, self.pressure).derivative()(self.strain)
         # the end formula may give 0 where a curve bends; contact that has closed is never without stiffness
         secant = np.diff(self.pressure) / np.diff(self.strain)
         slope[0], slope[-1] = max(slope[0], 0.5 * secant[0]), max(slope[-1], 0.5 * secant[-1])
-        return scipy.interpolate.CubicHermiteSpline(self.strain, self.pressure, slope)
+        return CubicHermiteSpline(self.strain, self.pressure, slope)
 
     def evaluate(self, strain: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the pressure and the tangent modulus, Pa, at compressive strains of any shape.

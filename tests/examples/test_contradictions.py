@@ -35,10 +35,10 @@ def test_the_same_files_in_two_configurations_are_named(results):
     assert not any("C1 and C2 share" in line for line in found)
 
 
-def test_they_are_printed_with_the_modes(results, monkeypatch):
+def test_they_are_printed_with_the_modes(small, results, monkeypatch):
     shown = io.StringIO()
     monkeypatch.setattr(ema_command, "OUT", Console(file=shown, width=200))
-    ema_command.print_campaign_findings(results)
+    ema_command.ema_command(*small, None, None, keep=False, identify_anew=False)
     assert "C1 and C3 share 12 of 12 functions" in shown.getvalue()
 
 

@@ -48,6 +48,7 @@ def test_modes_of_the_model_are_listed(tmp_path):
     assert "32.7254" in found.stdout
 
 
+@pytest.mark.slow
 def test_what_changed_is_named_and_of_a_repeat_nothing_is(tmp_path):
     done = lamella("diagnose", EXAMPLE / "changes.toml", "-o", tmp_path)
     assert done.returncode == 0, done.stderr

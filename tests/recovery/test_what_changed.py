@@ -76,7 +76,7 @@ def found(state, *reference):
     [
         pytest.param("A2", ("A1",), marks=pytest.mark.slow),
         pytest.param("A3", ("A1", "A2"), marks=pytest.mark.slow),
-        ("B8", ("B7",)),
+        pytest.param("B8", ("B7",), marks=pytest.mark.slow),
     ],
     ids=["A2", "A3", "B8"],
 )

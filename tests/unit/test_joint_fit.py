@@ -144,6 +144,7 @@ def test_numbers_of_one_stack_are_those_of_a_diagnosis(one, of_one):
         assert (own.value, *own.interval) == pytest.approx((p.value, p.lower, p.upper), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_two_stacks_share_an_effect_and_have_contact_of_their_own():
     two = [specimen(name, G_f, mass=0.0) for name, G_f in (("S", 1200.0), ("T", 900.0))]
     found = fitted(two, ["pressure_exponent"])
