@@ -350,7 +350,7 @@ def overview_table(results: Results, address: Sequence[str]) -> Table:
         title="",
         header=(
             "configuration", "torque [N m]", "pressure [kPa]", "modes", "paired", "G_f by opt_G [Pa/Pa]",
-            "d_f by opt_d [s/Pa]", "frequency error [%]", "lowest MAC", "findings",
+            "d_f by opt_d [s/Pa]", "frequency error, paired [%]", "lowest MAC", "findings",
         ),
         rows=rows,
         note="± is half of the 95 % interval. The frequency error is the mean of |measured - model| / measured over "
