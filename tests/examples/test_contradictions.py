@@ -1,6 +1,7 @@
 """What contradicts a measurement is printed with every answer that rests on it."""
 
 import io
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
@@ -35,10 +36,11 @@ def test_the_same_files_in_two_configurations_are_named(results):
     assert not any("C1 and C2 share" in line for line in found)
 
 
-def test_they_are_printed_with_the_modes(small, results, monkeypatch):
-    shown = io.StringIO()
+def test_they_are_printed_with_the_modes(small, results, monkeypatch, tmp_path):
+    campaign, out, shown = small[0], tmp_path / "out", io.StringIO()
+    shutil.copytree(small[1], out)  # other tests share what is there
     monkeypatch.setattr(ema_command, "OUT", Console(file=shown, width=200))
-    ema_command.ema_command(*small, None, None, keep=False, identify_anew=False)
+    ema_command.ema_command(campaign, out, None, None, keep=False, identify_anew=False)
     assert "C1 and C3 share 12 of 12 functions" in shown.getvalue()
 
 
