@@ -134,6 +134,8 @@ SUFFIXES: dict[str, Format] = {
 
 _UNIVERSAL = re.compile(rb"(?:\xef\xbb\xbf)?\s*-1 *\r?\n(?: *-1 *\r?\n)* {0,6}\d{2,4}[bB]?\b")
 """How a universal file begins: a delimiter and the number of a data set."""
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+"""How an HDF5 file begins, which netCDF and others call otherwise."""
 
 NOT_READ = {
     ".frf": "a format of one program: export its FRFs as a universal file (58)",
@@ -148,14 +150,15 @@ NOT_READ = {
 
 
 def format_of(file: Path, stated: Format | None = None) -> Format:
-    """Return the format of a file: the stated one, else that of its suffix, or of a universal file called otherwise."""
+    """Return the format of a file: the stated one, else that of its suffix, else a universal or HDF5 file or text."""
     beginning = 400  # bytes of a file that are looked at
     known = stated or SUFFIXES.get(file.suffix.lower())
     if known is not None:
         return known
     try:
         with file.open("rb") as begin:
-            return "uff" if _UNIVERSAL.match(begin.read(beginning)) else "csv"
+            head = begin.read(beginning)
+        return "hdf5" if head.startswith(_HDF5) else "uff" if _UNIVERSAL.match(head) else "csv"
     except (OSError, ValueError):
         return "csv"  # reading it says what is wrong
 
@@ -299,6 +302,20 @@ FileNames = Annotated[tuple[str, ...], BeforeValidator(_several)]
 RecordNames = Annotated[
     tuple[str, ...] | tuple[Annotated[tuple[str, ...], Field(min_length=1)], ...], BeforeValidator(_several_records)
 ]
+
+
+def _not_empty(name: str) -> str:
+    if not name.strip():
+        raise ValueError("a configuration needs a name, which is empty")
+    return name
+
+
+def _factor(scale: float) -> float:
+    if not math.isfinite(scale) or scale == 0.0:
+        raise ValueError(f"multiplies the function, so it is not {scale:g}; leave a function out with exclude = true")
+    return scale
+
+
 FullScale = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 UnitText = Annotated[str, AfterValidator(_checked_unit)]
 
@@ -396,7 +413,7 @@ class ModesSection(Section):
 class ConfigurationSection(Section):
     """One state of the structure and its files."""
 
-    name: str
+    name: Annotated[str, AfterValidator(_not_empty)]
     compare_to: FileNames = ()
     repeat_of: str | None = None
     modes: Literal["file"] | None = None
@@ -438,7 +455,7 @@ class CorrectionSection(Section):
     files: FileNames = ("**/*",)
     function: int | None = Field(default=None, ge=1)
     output: DofEntry | None = None
-    scale: float = 1.0
+    scale: Annotated[float, AfterValidator(_factor)] = 1.0
     conjugate: bool = False
     new_output: DofEntry | None = None
     new_input: DofEntry | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import filecmp
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable
@@ -14,7 +15,9 @@ import numpy as np
 
 from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
 from ema.campaign.draft_histories import Set, is_of_force, of_motions_alone, side_by_side
+from ema.io.array_histories import read_wav
 from ema.io.contents import UNKNOWN, Code, Contents, dof_name, point_in
+from ema.io.guess_long import guess_long
 from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import axis_keys, guess_variables, lone_axis
 from ema.io.measured_function import MeasuredFunction
@@ -44,6 +47,7 @@ _NO_DATA = (
 """Suffixes of what stands beside measurements; nobody takes these for some."""
 _OF_A_POINT = re.compile(r"(point|pnt|node|punkt|knoten|to[cč]ka|position|dof)[ _.-]*\d+", re.IGNORECASE)
 """What a folder with the records of one point is called; p1 may be a pressure."""
+_COPY = re.compile(r"\(\d+\)$|\bcopy\b|kopie|kopija|\bbackup\b", re.IGNORECASE)
 _RESULT = "modal_model.json"  # in a folder of results, which are no measurements
 
 
@@ -104,8 +108,8 @@ def draft(folder: Path) -> Draft:
         inside = place.relative_to(folder)
         if any(part.startswith(".") for part in inside.parts) or (place / _RESULT).exists():
             continue
-        files = sorted((f for f in place.iterdir() if f.is_file()), key=natural)
-        contents = tuple(c for c in (_contents(file, left_out) for file in files) if c is not None)
+        files = _without_copies(sorted((f for f in place.iterdir() if f.is_file()), key=natural), left_out)
+        contents = _at_points(tuple(c for c in (_contents(file, left_out) for file in files) if c is not None))
         contents = _measurements(_beside_frequencies(_beside_forces(contents)), left_out)
         if contents:
             configurations["_".join(inside.parts) or folder.resolve().name] = contents
@@ -143,6 +147,18 @@ def _over_points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) 
     return merged
 
 
+def _without_copies(files: list[Path], left_out: list[str]) -> list[Path]:
+    """Return files without those that are called copies and hold the same bytes as another."""
+    kept = [f for f in files if not _COPY.search(f.stem)]
+    for copy in (f for f in files if _COPY.search(f.stem)):
+        first = next((f for f in kept if f.suffix == copy.suffix and filecmp.cmp(f, copy, shallow=False)), None)
+        if first is None:
+            kept.append(copy)
+        else:
+            left_out.append(f"{copy}: is a copy of {first.name}")
+    return sorted(kept, key=natural)
+
+
 def model_file(folder: Path) -> Path | None:
     """Return the file of the model in a folder, of a stack or of matrices; None without one."""
     files = (folder / name for name in ("stack.toml", "structure.toml"))
@@ -169,12 +185,6 @@ def _shortened(left_out: list[str]) -> list[str]:
 def _contents(file: Path, left_out: list[str]) -> Contents | None:
     """Return what a file holds, None where it is no measurement."""
     suffix = file.suffix.lower()
-    if suffix == ".wav":
-        left_out.append(
-            f"{file}: a sound file: write [measurement] with full_scale, the value of each channel at full scale, and "
-            "[measurement.time], and name it in files"
-        )
-        return None
     if suffix in NOT_READ:
         left_out.append(f"{file}: is {NOT_READ[suffix]}")
     if file.name.startswith("."):
@@ -184,10 +194,12 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
         return None
     try:
         kind = format_of(file)
-        if not known and kind != "uff":
+        if not known and kind == "csv":
             return _called_otherwise(file, left_out)
         if kind == "uff":
             return _universal(file)
+        if kind == "wav":
+            return Contents(file=file, is_time=True, titles=("",) * len(read_wav(file, (1.0,))))
         if kind == "numpy" and holds_data_arrays(file):
             return _of_functions(file, read_data_arrays(file, None))
         packed = Path(file.stem).suffix.lower() if suffix == ".gz" else ""
@@ -198,7 +210,7 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
             return _at_point(guess_variables(file, matlab=kind == "mat"))
         if _lists_points(file):
             return None
-        contents = _at_point(guess_table(file))
+        contents = guess_long(file) or _at_point(guess_table(file))
     except MeasurementError as error:
         left_out.append(str(error))
         return None
@@ -209,7 +221,7 @@ def _contents(file: Path, left_out: list[str]) -> Contents | None:
 
 def _called_otherwise(file: Path, left_out: list[str]) -> Contents | None:
     """Return what a file of an unknown suffix holds whose titles tell that it is a table of FRFs or histories."""
-    contents = None if _lists_points(file) else _at_point(guess_table(file))
+    contents = None if _lists_points(file) else guess_long(file) or _at_point(guess_table(file))
     if contents is None or contents.by_numbers:
         left_out.append(f"{file}: its suffix {file.suffix.lower()!r} is none of a format that is read")
         return None
@@ -225,6 +237,19 @@ def _at_point(contents: Contents | None) -> Contents | None:
         return contents
     guess = "points are taken from the file names; that they are of the response and along +z is a guess"
     return replace(contents, dofs=(((point, 3), None),), guesses=(*contents.guesses, guess))
+
+
+def _at_points(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:
+    """Return files of one FRF each with the points that their headers state, where these differ from file to file."""
+    single = [c for c in contents if not c.is_time and c.dofs == ((None, None),)]
+    points = {c.file: c.point for c in single if c.point is not None}
+    if not len(set(points.values())) == len(single) > 1:
+        return contents
+    guess = "points are taken from the headers; that they are of the response and along +z is a guess"
+    return tuple(
+        replace(c, dofs=(((points[c.file], 3), None),), guesses=(*c.guesses, guess)) if c.file in points else c
+        for c in contents
+    )
 
 
 def _beside_forces(contents: tuple[Contents, ...]) -> tuple[Contents, ...]:

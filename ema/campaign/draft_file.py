@@ -232,6 +232,12 @@ def _measurement(drafted: Draft, missing: list[str]) -> list[str]:
             comment = "to be filled in: such as (m/s2)/N, g/N or mm/N"
             missing.append(f"measurement.unit: {_asked_unit(drafted.contents)}")
         lines.append(f"unit = {as_toml(unit or UNKNOWN)}  # {comment}")
+    if any(format_of(c.file) == "wav" for c in drafted.contents):
+        n = sum(len(c.titles) for c in side_by_side(next(iter(drafted.configurations.values())))[0])
+        missing.append(
+            f"measurement.full_scale: what full scale of the sound files means, a number for each of {n} channels"
+        )
+        lines.append('full_scale = "?"  # to be filled in: such as [5000, 500] for 5000 N and 500 m/s2 at full scale')
     for section in ("table", "variables"):
         described = [c for c in drafted.contents if c.section == section]
         if described:

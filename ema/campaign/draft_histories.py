@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.estimate import find_hits
-from ema.io.array_histories import read_histories
+from ema.io.array_histories import read_histories, read_wav
 from ema.io.contents import FORCE, UNKNOWN, Code, Contents, dofs_in, with_names
 from ema.io.guess_histories import PULSE, pulse_share
 from ema.io.measured_function import MeasuredFunction
@@ -27,8 +27,9 @@ from ema.types.errors import MeasurementError
 Set = tuple[Contents, ...]
 """Files that hold channels of the same records."""
 _FORCE_FILE = re.compile(r"^(f|force|forces|hammer|ham|impact|kraft|sila|kladivo|exc|excitation|input)$", re.IGNORECASE)
-_MOTION = re.compile(r"^a(cc)?[ _]?[xyz]$|accel|^acc\b|beschl|\bveloc|displac|pospe[sš]", re.IGNORECASE)
+_MOTION = re.compile(r"^a(cc)?[ _]?[xyz]$|accel|^acc(?![a-z])|beschl|\bveloc|displac|pospe[sš]", re.IGNORECASE)
 """What a channel of a motion may be called, in English, German or Slovene."""
+_NUMBER_OR_DOF = re.compile(r"[ _-]*(?:\d*[+-]?[xyz][+-]?(?![A-Za-z])|\d*)", re.IGNORECASE)
 _BLOW = re.compile(r"(hit|blow|strike|schlag|udar\w*|rep|repeat|average|avg|trial)[ _-]*\d+", re.IGNORECASE)
 
 
@@ -84,8 +85,8 @@ def _force_key(contents: Contents) -> str | None:
 
 
 def _keys(contents: Contents) -> list[str]:
-    """Return the name of a file without each of its words, and without each with the number behind it."""
-    number = [re.compile(r"[ _-]*\d*").match(contents.file.stem, word.end()) for word in _words(contents)]
+    """Return the name of a file without each of its words, and without each with the number or DOF behind it."""
+    number = [_NUMBER_OR_DOF.match(contents.file.stem, word.end()) for word in _words(contents)]
     ends = [(word.start(), {word.end(), n.end()}) for word, n in zip(_words(contents), number, strict=True) if n]
     return [_without(contents, start, end) for start, both in ends for end in sorted(both)]
 
@@ -133,7 +134,7 @@ def averaging_of(sets: list[Set], *, looked_at: int = 3) -> dict[str, Guessed]:
 
 def dofs_of(files: Set, position: int) -> list[tuple[Code | None, Code | None]]:
     """Return output and input of each function of a record, from the titles of its channels and its file names."""
-    if all(c.section is None for c in files):
+    if all(c.section is None and c.dofs for c in files):
         return [pair for c in files for pair in c.dofs]
     titles = _titles(files)
     responses = [title for k, title in enumerate(titles) if k != position]
@@ -159,6 +160,8 @@ def _record(files: Set) -> list[MeasuredFunction] | None:
         try:
             if kind == "uff":
                 channels += [f for f in read_uff_functions(c.file)[0] if f.kind in ("force", "response")]
+            elif kind == "wav":
+                channels += read_wav(c.file, (1.0,))
             elif c.section is None:
                 channels += [f for f in read_data_arrays(c.file, None) if f.kind == "response"]
             elif kind == "csv":

@@ -425,9 +425,9 @@ def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
         key = (_key(entry.output), _key(entry.input))
         earlier = pairs.get(key)
         if earlier is not None:
-            _require_repeat(entry, earlier, key)
             with np.errstate(invalid="ignore", divide="ignore"):
                 change = np.linalg.norm(entry.value - earlier.value) / np.linalg.norm(entry.value)
+            _require_repeat(entry, earlier, key, float(change))
             notes.append(
                 f"{_name(key[0])} over {_name(key[1])} is measured twice: {entry.source} replaces "
                 f"{earlier.source}, from which it differs by {100 * change:.2g} %"
@@ -436,13 +436,24 @@ def _without_duplicates(entries: list[_Entry], notes: list[str]) -> _Pairs:
     return pairs
 
 
-def _require_repeat(entry: _Entry, earlier: _Entry, key: tuple[Any, Any]) -> None:
-    """Refuse two parts of a structure whose points have the same numbers: neither repeats the other."""
+def _require_repeat(entry: _Entry, earlier: _Entry, key: tuple[Any, Any], change: float) -> None:
+    """Refuse what is no repeat of one function: of two parts of a structure, or two that differ as strangers do.
+
+    Of two functions that have nothing in common the difference is larger than either. In another run the structure may
+    carry a sensor elsewhere, which moves narrow resonances aside.
+    """
+    where = f"{entry.source} and {earlier.source} are both {_name(key[0])} over {_name(key[1])}, but "
+    mend = "by a [[correction]] with new_output, or exclude its functions"
     if entry.component != earlier.component:
         raise MeasurementError(
-            f"{entry.source} and {earlier.source} are both {_name(key[0])} over {_name(key[1])}, but of the components "
-            f"{entry.component!r} and {earlier.component!r}: give the points of one of them other numbers, by a "
-            "[[correction]] with new_output, or exclude its functions"
+            f"{where}of the components {entry.component!r} and {earlier.component!r}: give the points of one of them "
+            f"other numbers, {mend}"
+        )
+    larger = max(np.linalg.norm(entry.value), np.linalg.norm(earlier.value))
+    if entry.run == earlier.run and change * np.linalg.norm(entry.value) > larger:
+        raise MeasurementError(
+            f"{where}differ by {100 * change:.2g} %, so that neither repeats the other: give one of them its own DOF "
+            f"in 'output' or 'input', or {mend}"
         )
 
 

@@ -283,7 +283,7 @@ def records_of(
     CampaignError, MeasurementError
         A file cannot be read, or files of one record or one run do not fit each other.
     """
-    of_sets = [(files[0], _beside([(f, _records(campaign, f, notes)) for f in files])) for files in group]
+    of_sets = [(files[0], _beside(_of_files(campaign, files, notes))) for files in group]
     first, runs = of_sets[0]
     for file, others in of_sets:
         if len(others) != len(runs):
@@ -291,6 +291,27 @@ def records_of(
                 f"{file}: holds {len(others)} runs and {first}, which is averaged with it, {len(runs)}"
             )
     return [[(file, hit) for file, hits in of_sets for hit in hits[r]] for r in range(len(runs))]
+
+
+def _of_files(
+    campaign: Campaign, files: tuple[Path, ...], notes: list[str]
+) -> list[tuple[Path, tuple[tuple[Channels, ...], ...]]]:
+    """Return what each of the files of one record holds; of sound files each has the full scale of its channels."""
+    scales = campaign.full_scale
+    if len(files) == 1 or len(scales) < 2:
+        return [(f, _records(campaign, f, notes)) for f in files]
+    channels = [read_wav(f, (1.0,)) for f in files]
+    if sum(map(len, channels)) != len(scales):
+        message = (
+            f"{files[0]} and the files beside it have {sum(map(len, channels))} channels, and 'full_scale' of the "
+            f"campaign file {len(scales)} numbers; give one for each channel, or one for all"
+        )
+        raise MeasurementError(message)
+    each = iter(scales)
+    return [
+        (f, ((tuple(replace(c, value=c.value * next(each)) for c in of_file),),))
+        for f, of_file in zip(files, channels, strict=True)
+    ]
 
 
 def _records(campaign: Campaign, file: Path, notes: list[str]) -> tuple[tuple[Channels, ...], ...]:

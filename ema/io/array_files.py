@@ -441,12 +441,13 @@ def _in_numpy(path: Path, *, single: bool) -> dict[str, ArrayInFile]:
         return {"array": ArrayInFile(shape=shape, read=read)} if dtype.kind in "fiubc" else {}
     arrays: dict[str, ArrayInFile] = {}
     with zipfile.ZipFile(path) as archive:
-        for member in archive.namelist():
-            if member.endswith(".npy"):
-                shape, dtype = numpy_header(archive.open(member))
-                name = member.removesuffix(".npy")
-                if dtype.kind in "fiubc":
-                    arrays[name] = ArrayInFile(shape=shape, read=partial(_in_archive, path, name))
+        members = [member for member in archive.namelist() if member.endswith(".npy")]
+        headers = {member.removesuffix(".npy"): numpy_header(archive.open(member)) for member in members}
+    texts = (name for name in _UNITS if name in headers and headers[name][1].kind == "U")
+    unit = next((_text(_in_archive(path, name)) for name in texts), "")
+    for name, (shape, dtype) in headers.items():
+        if dtype.kind in "fiubc":
+            arrays[name] = ArrayInFile(shape=shape, read=partial(_in_archive, path, name), unit=unit)
     return arrays
 
 
@@ -471,15 +472,17 @@ def _in_mat(path: Path) -> dict[str, ArrayInFile]:
     if io.matlab.matfile_version(str(path), appendmat=False)[0] == 1:  # of version 4 the reader is safe
         check_elements(path)
     arrays: dict[str, ArrayInFile] = {}
+    of_file = next((_text(_variable(path, n)) for n, _, kind in _variables(path) if n in _UNITS and kind == "char"), "")
     for name, shape, kind in _variables(path):
         if kind in ("struct", "cell"):
             content = io.loadmat(str(path), appendmat=False, variable_names=[name])
             units = dict(_units(name, content.get(name)))
             for field, value in _fields(name, content.get(name)):
-                unit = units.get(field.rpartition(".")[0], "")
+                inside = [end.start() for end in re.finditer(r"\.", field)][::-1]  # of a structure and those around it
+                unit = next((units[field[:end]] for end in inside if field[:end] in units), of_file)
                 arrays[field] = ArrayInFile(shape=value.shape, read=partial(np.asarray, value), unit=unit)
         elif kind in ("double", "single", "logical") or kind.startswith(("int", "uint")):
-            arrays[name] = ArrayInFile(shape=tuple(shape), read=partial(_variable, path, name))
+            arrays[name] = ArrayInFile(shape=tuple(shape), read=partial(_variable, path, name), unit=of_file)
     return arrays
 
 
@@ -528,8 +531,12 @@ def _units(name: str, value: Any) -> Iterator[tuple[str, str]]:
 
 
 def _text(value: Any) -> str:
-    """Return a text of a MATLAB file; empty where it is something else."""
-    return str(value.ravel()[0]) if type(value) is np.ndarray and value.dtype.kind == "U" and value.size == 1 else ""
+    """Return a text of a MATLAB or NumPy file; empty where it is something else."""
+    return (
+        str(value.ravel()[0]).strip()
+        if type(value) is np.ndarray and value.dtype.kind == "U" and value.size == 1
+        else ""
+    )
 
 
 def _fields(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,8 @@ class Contents:
         Of time histories in arrays how long each axis is.
     by_numbers : bool
         Whether nothing but its numbers tells that it holds FRFs.
+    point : int or None
+        Point that the header of a file of one FRF seems to state, without a direction.
     odd_unit : str
         Unit of the FRFs where the file writes one of volts, such as V/N, or one that is not understood; else empty.
     guesses : tuple of str
@@ -75,6 +77,7 @@ class Contents:
     n_run: int = 1
     lengths: Mapping[str, int] = field(default_factory=dict)
     by_numbers: bool = False
+    point: int | None = None
     odd_unit: str = ""
     guesses: tuple[str, ...] = ()
 
@@ -91,6 +94,19 @@ def dofs_in(text: str) -> list[Code]:
         sign = -1 if "-" in (before, after) else 1
         dofs.append((int(node), sign * ("xyz".index(axis.lower()) + 1)))
     return [(node, code) for node, code in dofs if node > 0]
+
+
+def dof_of_cells(cells: Sequence[str], direction: str = "") -> Code | None:
+    """Return the DOF that cells of a row state: ``12+z``, or a point and a direction (z, +Z, -3); None without one.
+
+    `direction`: of a point that stands alone.
+    """
+    words = [re.sub(r"^(\d+)\.0+$", r"\1", cell.strip().strip("\"'")) for cell in cells]
+    if len(words) > 1 and (code := re.fullmatch(r"([+-]?)([123])", words[1])) is not None:
+        words[1] = f"{code[1]}{'xyz'[int(code[2]) - 1]}"
+    joined = "".join(words[:2]) + (direction if len(words) == 1 else "")
+    dofs = dofs_in(joined) or dofs_in("".join(words))
+    return dofs[0] if len(dofs) == 1 else None
 
 
 def lacks_sign(text: str) -> bool:
@@ -134,6 +150,7 @@ def is_other_ratio(label: str) -> bool:
 def ratios_in(text: str) -> Iterator[tuple[str, Unit]]:
     """Give the units in a header that are ratios, with what they mean."""
     in_brackets = re.findall(r"[\[(]([^\[\]\s,;]*/[^\[\]\s,;]*)[\])](?=[\s,;]|$)", text)
+    in_brackets += [re.sub(r"\s", "", label) for label in re.findall(r"\[([^\[\],;]*/[^\[\],;]*)\]", text)]
     for word in (*re.split(r"[\s,;]+", text), *in_brackets):
         label = word.strip("[]\"'")
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gzip
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,19 +26,8 @@ from ema.io.contents import (
 )
 from ema.io.guess_parts import LONGEST_SAMPLE
 from ema.io.measured_function import is_uneven, rate_of_rounded
-from ema.io.rows import (
-    END_OF_HEADER,
-    SEPARATORS,
-    cells_of,
-    decoded,
-    encoding_of,
-    is_labview,
-    number,
-    segments_of,
-    ungrouped,
-    unpacked,
-)
-from ema.types.errors import MeasurementError
+from ema.io.rows import SEPARATORS, encoding_of, unpacked
+from ema.io.text_table import DELIMITERS, FEWEST_ROWS, TextTable, cut_text, is_number, numbers_of
 
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (
@@ -49,11 +38,17 @@ _OF_SPECTRA = (
     r"auto.?(?:power.?)?(?:spectr|spekt)\w*|(?:power|cross|frequency|leistungs|amplituden).?(?:spectr|spekt)\w*|"
     r"\b(?:psd|asd|csd)\b|spectral densit\w*|\b(?:amplitude|linear|complex) spectrum|\bspectrum$"
 )
-_OF_POINTS = r"resp|\bout|\bref|\binp|\bexc|forc|\bdof\b|point|node|antwort|anreg|kraft|punkt"
+OF_INPUT = r"\bref|\binp|\bdof in\b|\bin dof\b|\bexc|forc|anreg|kraft"
+_OF_OUTPUT = r"resp|\bout|antwort"
+_OF_POINTS = rf"{_OF_OUTPUT}|{OF_INPUT}|\bdof\b|point|node|punkt"
 _OF_A_PART = (
     r"(?:^|[\W_])(real|re|imag(?:inary|inaer)?|im|mag(?:nitude)?s?|amp(?:l(?:itude)?)?s?|abs|phase|phas|angle|betrag)"
     r"(?:$|[\W_\d])"
 )
+_OF_ONE_POINT = re.compile(
+    r"\b(?:point|node|punkt|knoten|position)[ _]?(?:index|number|no|nr|id)?\b\W{1,4}(\d{1,9})\b", re.IGNORECASE
+)
+_TITLE_OF_AXIS = r"freq|\bhz\b|^f\b|\btime\b|\bzeit\b|^t\b"
 _NAMELESS = r"(?:var|col(?:umn)?|c|y|x|data|unnamed|field|feld|wert|value|spalte)?\W*\d+"
 """A title that says nothing, as programs number columns: two such may be the parts of one function."""
 _OF_TIME = r"sampl(e|ing) (rate|frequency|freq|interval|period)|abtast(rate|freq|int)|vzor[cč]enj|x_dimension\W+time"
@@ -66,67 +61,18 @@ _FACTORS = {
 }  # fmt: skip
 _EPOCHS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 """Least time since 1970 of these years in ns, us and ms, and its unit in s; in s it is some 1e9."""
-_COMMENT = re.compile(r"^(#+|%+|;|//|\*(?!\*)) *")
 _TITLE_OF_TIME = (
     r"\btime|\bdate|\bzeit|\b[cč]as\b|^t\b|[\[(]s[\])]|\b(milli|micro|nano)(s\b|sec)|\bsec(onds?|s)?\b|elapsed|"
     r"epoch"
 )
-_DELIMITERS = ("tab", "semicolon", "comma", "space")  # in the order in which they are tried
 _KINDS = (
     ("coherence", r"[ck]oh[eä]|\bcoh|gamma"),
     ("phase", r"phase|\bphi\b|angle|\bfaza|\bfazni|winkel"),
     ("imaginary", r"\bim(ag\w*)?\b"),
-    ("real", r"\bre(al\w*)?\b"),
+    ("real", r"\breal\w*\b|(?<!\bdb )\bre\b(?!\.? *\d)"),  # "dB re 1 g/N" is a magnitude
     ("magnitude", r"\bmag\w*|\bamp\w*|\babs\b|\bdb\b|modulus|betrag"),
 )  # fmt: skip
-FEWEST_ROWS = 10
-"""Rows of numbers of a table; less is no measured function."""
 _PAIRS = {"real-imaginary": ("real", "imaginary"), "magnitude-phase": ("magnitude", "phase")}
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Text:
-    """A text file cut into its header and a table of its first numbers."""
-
-    encoding: str
-    delimiter: str
-    decimal: str
-    header: list[list[str]]
-    n_header: int
-    heads: tuple[str, ...]  # the header of each segment; of LabVIEW's text, whose headers name no points, empty
-    value: NDArray[np.complex128]
-
-    def title(self, column: int) -> str:
-        """All that the header says over a column."""
-        width = self.value.shape[1]
-        begin = max((k for k, row in enumerate(self.header) if row[0].startswith(END_OF_HEADER)), default=-1) + 1
-        rows = self.header[begin:]
-        fits = [row for row in rows if len(row) == width or (len(row) == width + 1 and not row[-1].strip())]
-        if not fits:  # a title more than there are numbers in all rows, such as that of a column of comments
-            fits = [row for row in rows if len(row) > width and any(map(_is_word, row[:width]))][-1:]
-        unit = self._labview_unit(fits[-1], column) if begin > 0 and fits else ""
-        return " ".join(row[column].strip('" ') for row in fits).replace("_", " ").strip() + unit
-
-    def _labview_unit(self, titles: list[str], column: int) -> str:
-        """Return the unit of a column in brackets, which LabVIEW lists for channels, without their columns of times."""
-        units = next((row[1:] for row in self.header if row[0] == "Y_Unit_Label"), [])
-        channel = sum(title != "X_Value" for title in titles[: column + 1])
-        is_time = titles[column] == "X_Value"
-        return f" [{units[channel - 1].strip()}]" if 0 < channel <= len(units) and not is_time else ""
-
-    @property
-    def n_segment(self) -> int:
-        """How many segments there are."""
-        return len(self.heads)
-
-    @property
-    def words(self) -> str:
-        """All of the header."""
-        return "\n".join(" ".join(row) for row in self.header)
-
-
-def _is_word(cell: str) -> bool:
-    return bool(re.search(r"[^\W\d]{2}", cell))
 
 
 def guess_table(path: Path) -> Contents | None:
@@ -140,13 +86,15 @@ def guess_table(path: Path) -> Contents | None:
     MeasurementError
         One of its first rows of numbers has other cells than the others.
     """
-    text = _cut(path)
+    text = cut_text(path)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
         contents = None if text is None else _guess(path, text)
     if text is None or contents is None:
         return contents
     if not contents.is_time and len(contents.dofs) == 1 and contents.dofs[0][0] is None:
         contents = replace(contents, dofs=tuple(_dofs_in_header(head) for head in text.heads))
+        stated = {int(point) for point in _OF_ONE_POINT.findall("\n".join(text.heads))} - {0}
+        contents = replace(contents, point=stated.pop() if len(stated) == 1 == text.n_segment else None)
     if text.n_segment == 1:
         return contents
     what = (
@@ -161,12 +109,26 @@ def guess_table(path: Path) -> Contents | None:
 
 
 def _dofs_in_header(head: str) -> tuple[Code | None, Code | None]:
-    """Return output and input of a segment of one FRF as its header says, in rows that tell of points."""
-    dofs = [code for row in head.splitlines() if re.search(_OF_POINTS, row, re.IGNORECASE) for code in dofs_in(row)]
+    """Return output and input of a segment of one FRF as its header says, in rows that tell of points.
+
+    A row of one DOF may say which of both it is; else the output comes first.
+    """
+    rows = [row for row in head.splitlines() if re.search(_OF_POINTS, row, re.IGNORECASE)]
+    dofs = [code for row in rows for code in dofs_in(row)]
+    outputs, inputs = (
+        [dofs_in(row)[0] for row in rows if len(dofs_in(row)) == 1 and _tells_of(row, this, other)]
+        for this, other in ((_OF_OUTPUT, OF_INPUT), (OF_INPUT, _OF_OUTPUT))
+    )
+    if len(outputs) + len(inputs) == len(dofs) and len(outputs) < 2 and len(inputs) == 1:
+        return (outputs[0] if outputs else None, inputs[0])
     return (dofs[0] if dofs else None, dofs[1] if len(dofs) > 1 else None)
 
 
-def _guess(path: Path, text: _Text) -> Contents | None:
+def _tells_of(row: str, this: str, other: str) -> bool:
+    return bool(re.search(this, row, re.IGNORECASE)) and not re.search(other, row, re.IGNORECASE)
+
+
+def _guess(path: Path, text: TextTable) -> Contents | None:
     """Return what a text file cut into header and numbers seems to hold."""
     keys: dict[str, Any] = {}
     guesses: list[str] = []
@@ -186,7 +148,11 @@ def _guess(path: Path, text: _Text) -> Contents | None:
         keys |= {"axis_column": 0, "axis_step": UNKNOWN}
     elif axis > 0:
         keys["axis_column"] = axis + 1
-        guesses.append("the first column counts the rows, and the second is taken as the axis")
+        guesses.append(
+            "the first column counts the rows, and the second is taken as the axis"
+            if _counts_rows(text)
+            else f"column {axis + 1} is taken as the axis, as its title says"
+        )
     columns = _beside(text, axis)
     if axis is not None and _is_time(text, axis, guesses):
         return _with_times(path, text, axis, keys, guesses)
@@ -195,7 +161,7 @@ def _guess(path: Path, text: _Text) -> Contents | None:
         return None
     if _other_ratio_in(text) or _one_part(path, text, columns):
         return None
-    guessed = _functions(text, columns, guesses)
+    guessed = functions_of(text, columns, guesses)
     by_numbers = len(guesses) > n_guessed
     if guessed is None or (guesses and not has_axis):  # any table of numbers
         return None
@@ -203,7 +169,7 @@ def _guess(path: Path, text: _Text) -> Contents | None:
     factor = _axis_factor(text, axis, r"\bkhz\b|rad/s")
     if factor != 1.0 and axis is not None:
         keys |= _axis_keys(text.value[:, axis].real, factor)
-        guesses.append(f"the frequencies are those of the first column times {factor:.6g}")
+        guesses.append(f"the frequencies are those of their column times {factor:.6g}")
     if axis or factor != 1.0 or [c for group in groups for c in group] != list(range(1, text.value.shape[1])):
         keys["columns"] = [[c + 1 for c in group] for group in groups]
     if coherence:
@@ -230,7 +196,7 @@ def _guess(path: Path, text: _Text) -> Contents | None:
 
 def not_understood(path: Path) -> str:
     """Return in words what a text file lacks to be a measurement."""
-    text = _cut(path)
+    text = cut_text(path)
     if text is None:
         return _no_table(path)
     width = text.value.shape[1]
@@ -242,6 +208,10 @@ def not_understood(path: Path) -> str:
         return f"it states the unit {other}, which is no response over a force; export FRFs, response over force"
     if one_part := _one_part(path, text, list(range(1, width))):
         return one_part
+    rows = np.flatnonzero(np.all(np.diff(text.value.real, axis=1) > 0, axis=1))
+    if width >= FEWEST_ROWS and rows.size == 1:
+        row = text.n_header + int(rows[0]) + 1
+        return f"row {row} ascends as frequencies do: functions lie along rows; write them in columns (transpose)"
     columns = f"{width} columns" + (f" ({titles})" if titles else "") + " of numbers, "
     if np.all(np.diff(text.value[:, 0].real) > 0):
         return (
@@ -269,22 +239,20 @@ def _no_table(path: Path, *, most_shown: int = 60) -> str:
     if not rows:
         return f"{lacking}: it is empty"
     row = rows[len(rows) // 2]
-    numbers = [cells for d in _DELIMITERS for cells in (row.split(SEPARATORS[d])[1:],) if len(cells) >= FEWEST_ROWS]
-    if any(all(map(_is_number, cells)) for cells in numbers):
+    numbers = [cells for d in DELIMITERS for cells in (row.split(SEPARATORS[d])[1:],) if len(cells) >= FEWEST_ROWS]
+    if any(all(map(is_number, cells)) for cells in numbers):
         return f"{lacking}: each row holds a function behind its name; write functions in columns, frequencies first"
+    counts = [sum(len(n or ()) > 1 for n in (numbers_of(r, d, ".") for r in rows)) for d in DELIMITERS]
+    if 0 < max(counts) < FEWEST_ROWS:
+        return (
+            f"only {max(counts)} rows of two or more numbers, too few for a measured function; modes of another "
+            "program are a table with columns called frequency_Hz, damping and as DOFs such as 12+z"
+        )
     shown = row.strip() if len(row.strip()) <= most_shown else f"{row.strip()[:most_shown]}..."
     return f"{lacking}, but such as {shown!r}: export frequencies with real and imaginary parts beside them as numbers"
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        number(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _other_ratio_in(text: _Text) -> str:
+def _other_ratio_in(text: TextTable) -> str:
     """Return a unit in the header of a ratio that is no FRF, where none of an FRF is there; empty where it has none.
 
     A force over a response is a dynamic stiffness or an apparent mass, a response over another a transmissibility.
@@ -295,7 +263,7 @@ def _other_ratio_in(text: _Text) -> str:
     return next((label for label, unit in ratios if unit.turned_frf or unit.dimension == (0, 0, 0)), "")
 
 
-def _one_part(path: Path, text: _Text, columns: list[int]) -> str:
+def _one_part(path: Path, text: TextTable, columns: list[int]) -> str:
     """Say that a table holds one part of each function alone; empty where nothing tells that it does.
 
     Columns of which each is called by its own point or channel are no pairs, nor are those of a file that is called by
@@ -321,7 +289,7 @@ def _one_part(path: Path, text: _Text, columns: list[int]) -> str:
     )
 
 
-def _spectrum_in(text: _Text, columns: list[int]) -> str:
+def _spectrum_in(text: TextTable, columns: list[int]) -> str:
     """Return the words by which titles or header tell of spectra and of no FRFs; empty where they do not."""
     titles = [text.title(c) for c in columns]
     if re.search(_OF_FRFS, "\n".join((text.words, *titles)), re.IGNORECASE):
@@ -330,89 +298,7 @@ def _spectrum_in(text: _Text, columns: list[int]) -> str:
     return "" if match is None else match[0].strip()
 
 
-def _cut(
-    path: Path,
-    *,
-    fewest_rows: int = FEWEST_ROWS,
-    # Rows of numbers.
-    looked_at: int = 400,
-    # Rows.
-    most_header: int = 200,
-) -> _Text | None:
-    try:
-        data = unpacked(path.read_bytes(), path.suffix)
-    except (OSError, EOFError, gzip.zlib.error):  # type: ignore[attr-defined]
-        return None
-    encoding = encoding_of(data) or "utf-8"
-    try:
-        rows = decoded(data, encoding).splitlines()
-    except UnicodeDecodeError:
-        if encoding != "utf-8":
-            return None  # its first bytes tell another one, in which it cannot be read
-        encoding = "latin-1"
-        rows = decoded(data, encoding).splitlines()
-    quoted = any('"' in row for row in rows[: most_header + looked_at])
-    for delimiter, decimal in ((d, p) for d in _DELIMITERS for p in ".,"):
-        if (delimiter, decimal) == ("comma", ",") and not quoted:
-            continue
-        numbers = [_numbers(row, delimiter, decimal) for row in rows[: most_header + looked_at]]
-        for start in range(min(len(numbers), most_header)):
-            width = len(numbers[start] or ())
-            block = numbers[start : start + fewest_rows]
-            if width > 1 and len(block) == fewest_rows and all(len(row or ()) == width for row in block):
-                segments = segments_of(rows, start)
-                last = start + len(segments[0].rows)
-                value = [row for row in numbers[start:last] if row is not None and len(row) == width]
-                _require_even(path, rows, numbers, start, delimiter)
-                ends = [0, *(segment.first + len(segment.rows) for segment in segments)]
-                heads = tuple(
-                    "" if is_labview(rows[:start]) else "\n".join(rows[end : segment.first])
-                    for end, segment in zip(ends, segments, strict=False)
-                )
-                # an empty row, and a "#" alone, has one empty cell, whatever separates the others
-                header = [_titles(row, delimiter) for row in rows[:start]]
-                return _Text(
-                    encoding=encoding, delimiter=delimiter, decimal=decimal, header=header, n_header=start,
-                    heads=heads, value=np.array(value),
-                )  # fmt: skip
-    return None
-
-
-def _require_even(path: Path, rows: list[str], numbers: list[list[complex] | None], start: int, delimiter: str) -> None:
-    """Refuse a table whose first rows are of numbers, but for one that begins with a number and has other cells."""
-    width = len(numbers[start] or ())
-    first = cells_of(rows[start - 1], delimiter)[:1] if start > 1 else []
-    if first and _is_number(first[0]) and len(numbers[start - 2] or ()) == width:
-        message = (
-            f"{path}: row {start} has other cells than the {width} numbers of the rows beside it: "
-            f"{rows[start - 1].strip()[:40]!r}; mend it"
-        )
-        raise MeasurementError(message)
-
-
-def _titles(row: str, delimiter: str) -> list[str]:
-    """Return the cells of a row of a header, at least one; empty ones at its end are kept."""
-    row = _uncommented(row)
-    return (cells_of(row, delimiter) if '"' in row else row.split(SEPARATORS[delimiter])) or [""]
-
-
-def _uncommented(row: str) -> str:
-    """Return a row of a header without the sign of a comment before it: of NumPy, gnuplot, MATLAB, or an FRD file."""
-    return _COMMENT.sub("", row)
-
-
-def _numbers(row: str, delimiter: str, decimal: str) -> list[complex] | None:
-    """Return the numbers of a row, NaN for a first cell that is empty; None where another cell holds none."""
-    cells = cells_of(row, delimiter)
-    if len(cells) > 2 and not cells[0].strip():
-        cells[0] = "nan"
-    try:
-        return [number(ungrouped(cell, decimal).replace(decimal, ".").strip()) for cell in cells]
-    except ValueError:
-        return None
-
-
-def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesses: list[str]) -> Contents:
+def _with_times(path: Path, text: TextTable, axis: int, keys: dict[str, Any], guesses: list[str]) -> Contents:
     """Return the time histories of a table with times."""
     columns = _beside(text, axis)
     if columns != list(range(1, text.value.shape[1])):
@@ -437,7 +323,7 @@ def _with_times(path: Path, text: _Text, axis: int, keys: dict[str, Any], guesse
     )  # fmt: skip
 
 
-def _axis_factor(text: _Text, axis: int | None, units: str) -> float:
+def _axis_factor(text: TextTable, axis: int | None, units: str) -> float:
     """Return what makes s or Hz of a column of times or frequencies, by the unit in its title."""
     match = re.search(units, "" if axis is None else text.title(axis).lower())
     return 1.0 if match is None else _FACTORS[match[0]]
@@ -450,13 +336,20 @@ def _axis_keys(axis: NDArray[np.float64], factor: float) -> dict[str, float]:
     return {"axis_column": 0, "axis_start": float(f"{factor * axis[0]:.12g}"), "axis_step": float(f"{step:.12g}")}
 
 
-def _beside(text: _Text, axis: int | None) -> list[int]:
-    """Return the columns of functions: those after the axis, without those that repeat it."""
-    columns = range(0 if axis is None else axis + 1, text.value.shape[1])
+def _beside(text: TextTable, axis: int | None) -> list[int]:
+    """Return the columns of functions: those beside the axis, without those that repeat it or count the rows."""
+    columns = range(1 if axis and _counts_rows(text) else 0, text.value.shape[1])
     return [c for c in columns if axis is None or np.any(text.value[:, c] != text.value[:, axis])]
 
 
-def _without_times(path: Path, text: _Text, keys: dict[str, Any]) -> Contents | None:
+def _counts_rows(text: TextTable) -> bool:
+    """Whether the first column counts the rows, from 0 or 1, and no title calls it an axis."""
+    first = text.value[:, 0].real
+    called = re.search(_TITLE_OF_AXIS, text.title(0), re.IGNORECASE)
+    return called is None and bool(np.ptp(first - np.arange(len(first))) == 0.0) and first[0] in (0.0, 1.0)
+
+
+def _without_times(path: Path, text: TextTable, keys: dict[str, Any]) -> Contents | None:
     """Return the time histories of a table without times, of which a title names the force or the header the rate."""
     columns = [c for c in range(text.value.shape[1]) if not np.isnan(text.value[:, c]).any()]
     titles = tuple(text.title(c) for c in columns)
@@ -484,23 +377,29 @@ def _rate(header: str) -> float | None:
     return float(f"{1.0 / value:.9g}") if value > 0.0 else None
 
 
-def _axis(text: _Text) -> int | None:
-    """Return the column of frequencies or times: the first that ascends and does not count the rows, or None."""
+def _axis(text: TextTable) -> int | None:
+    """Return the column of frequencies or times: the first that ascends and does not count the rows, or None.
+
+    It is one of the first two, or any whose title says so.
+    """
     value = text.value
-    ascends = [bool(np.all(np.diff(column.real) > 0)) and not column.imag.any() for column in value[:, :2].T]
-    rounded = bool(np.all(np.diff(value[:, 0].real) >= 0)) and not value[:, 0].imag.any()
-    if rounded and not ascends[0] and rate_of_rounded(value[:, 0].real) is not None:
+    ascends = [bool(np.all(np.diff(column.real) > 0)) and not column.imag.any() for column in value.T]
+    first = value[:, 0].real
+    rounded = bool(np.all(np.diff(first) >= 0) and np.ptp(first) > 0) and not value[:, 0].imag.any()
+    if rounded and not ascends[0] and rate_of_rounded(first) is not None:
         return 0  # times of few digits, of which some repeat
-    falls = bool(np.all(np.diff(value[:, 0].real) < 0)) and not value[:, 0].imag.any()
+    falls = bool(np.all(np.diff(first) < 0)) and not value[:, 0].imag.any()
     if falls and re.search(r"freq|\bhz\b|^f\b", text.title(0), re.IGNORECASE):
         return 0
-    counts = bool(np.ptp(value[:, 0].real - np.arange(len(value))) == 0.0) and value[0, 0].real in (0.0, 1.0)
-    if counts and value.shape[1] > 3 and ascends[1]:
+    if _counts_rows(text) and value.shape[1] > 3 and ascends[1]:
         return 1
-    return 0 if ascends[0] else None
+    if ascends[0]:
+        return 0
+    titled = (c for c, fits in enumerate(ascends) if fits and re.search(_TITLE_OF_AXIS, text.title(c), re.IGNORECASE))
+    return next(titled, None)
 
 
-def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
+def _is_time(text: TextTable, axis: int, guesses: list[str]) -> bool:
     """Whether an axis is the time: its title or the header says so or, without one, its step is none of a frequency."""
     title = text.title(axis).lower()
     if re.search(_TITLE_OF_TIME, title):
@@ -519,7 +418,9 @@ def _is_time(text: _Text, axis: int, guesses: list[str]) -> bool:
     return True
 
 
-def _functions(text: _Text, columns: list[int], guesses: list[str]) -> tuple[str, list[list[int]], list[int]] | None:
+def functions_of(
+    text: TextTable, columns: list[int], guesses: list[str]
+) -> tuple[str, list[list[int]], list[int]] | None:
     """Return the layout, the columns of each function and those of the coherences."""
     kinds = {c: next((k for k, words in _KINDS if re.search(words, text.title(c).lower())), "") for c in columns}
     coherence = [c for c in columns if kinds[c] == "coherence"]

@@ -128,10 +128,16 @@ def _require_no_modes(path: Path, arrays: _Arrays) -> None:
 
 
 def _stated_unit(keys: Mapping[str, Any], units: Mapping[str, str]) -> str:
-    """Return the unit that the file states of its FRFs, in one way of all of them; empty where it does not."""
+    """Return the unit that the file states of its FRFs, in one way of all of them; empty where it does not.
+
+    Where it states none of these, that of a header beside them, if only one is of FRFs.
+    """
     names = next((keys[part] for way in WAYS for part in way[:1] if part in keys), ())
     stated = {units.get(name, "") for name in ((names,) if isinstance(names, str) else names)}
-    return next(iter(stated)) if len(stated) == 1 else ""
+    if stated != {""}:
+        return next(iter(stated)) if len(stated) == 1 else ""
+    beside = {label for label in units.values() if unit_in(label) is not None}
+    return next(iter(beside)) if len(beside) == 1 else ""
 
 
 def _with_units(histories: HistoriesFound, units: Mapping[str, str]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ema.io.contents import from_polar
+from ema.io.contents import Code, dof_of_cells, from_polar
 from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction, require_ascending
 from ema.io.rows import (
@@ -66,6 +66,11 @@ class TableLayout(BaseModel):
         Unit of the phase.
     magnitude_unit : {"linear", "dB"}
         "dB" is 20 log10 of the magnitude over one of its unit.
+    output_columns, input_columns : tuple of int
+        Columns that state the DOF of each row where functions stand below each other: one of ``12+z``, or one of the
+        point and one of the direction. Rows with the same cells are one function.
+    direction : str
+        Direction of a point that stands there alone, such as ``+z``.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -83,6 +88,9 @@ class TableLayout(BaseModel):
     coherence_columns: tuple[Column, ...] = ()
     phase_unit: Literal["deg", "rad"] = "deg"
     magnitude_unit: Literal["linear", "dB"] = "linear"
+    output_columns: tuple[Column, ...] = Field(default=(), max_length=2)
+    input_columns: tuple[Column, ...] = Field(default=(), max_length=2)
+    direction: str = Field(default="", pattern="^([+-][xyz])?$")
 
     @property
     def width(self) -> int:
@@ -104,6 +112,9 @@ class TableLayout(BaseModel):
                 "the sampling rate of time histories as sampling_Hz"
             )
             raise ValueError(message)
+        if (self.output_columns or self.input_columns) and self.layout == "time":
+            message = "output_columns and input_columns are of FRFs, not of time histories"
+            raise ValueError(message)
         return self
 
 
@@ -112,7 +123,8 @@ def read_table(path: Path, layout: TableLayout, unit: Unit | None) -> tuple[Meas
 
     FRFs of `unit` come in SI units. Time histories come as they stand, as functions of kind "response",
     since only the user knows which column is the force; of several records, see `read_records`, those of the first.
-    Tables state no degrees of freedom, so `output` and `input` of the functions are None.
+    Tables state no degrees of freedom, so `output` and `input` of the functions are None, but those with a row for
+    each number of each degree of freedom.
 
     Raises
     ------
@@ -181,26 +193,71 @@ def _record(
     width = len(cells_of(rows[0], layout.delimiter))
     columns = layout.columns or _all_columns(width, layout, path)
     used = [*(c for group in columns for c in group), *layout.coherence_columns]
+    beyond = max((*used, *layout.output_columns, *layout.input_columns, layout.axis_column))
     if layout.axis_column:
         used.append(layout.axis_column)
-    if max(used) > width:
-        message = f"{path}: column {max(used)} is asked for, but row {segment.first + 1} has {width} columns"
+    if beyond > width:
+        message = f"{path}: column {beyond} is asked for, but row {segment.first + 1} has {width} columns"
         raise MeasurementError(message)
+    _require_width(path, rows, layout, segment.first)
     table = _numbers(path, rows, layout, sorted(set(used)), segment.first)
+    if not layout.output_columns and not layout.input_columns:
+        axis = _axis(path, layout, table, np.arange(len(rows)) + segment.first + 1)
+        return _functions(path, layout, columns, table, axis, unit)
+    functions: list[MeasuredFunction] = []
+    for (output, force), at in _rows_of_dofs(path, layout, rows, segment.first).items():
+        of_dof = {c: values[at] for c, values in table.items()}
+        axis = _axis(path, layout, of_dof, at + segment.first + 1)
+        functions += (
+            replace(f, output=output, input=force, source=f"{f.source}, from row {at[0] + segment.first + 1} on")
+            for f in _functions(path, layout, columns, of_dof, axis, unit)
+        )
+    return tuple(functions)
+
+
+def _rows_of_dofs(
+    path: Path, layout: TableLayout, rows: list[str], first: int
+) -> dict[tuple[Code | None, Code | None], NDArray[np.int64]]:
+    """Return the rows of each pair of output and input, in their order."""
+    found: dict[tuple[str, ...], list[int]] = {}
+    split = len(layout.output_columns)
+    places = [c - 1 for c in (*layout.output_columns, *layout.input_columns)]
+    for k, row in enumerate(rows):
+        cells = cells_of(row, layout.delimiter)
+        found.setdefault(tuple(cells[c] if c < len(cells) else "" for c in places), []).append(k)
+    of_dofs: dict[tuple[Code | None, Code | None], NDArray[np.int64]] = {}
+    for words, at in found.items():
+        ends = []
+        for columns, of_end in ((layout.output_columns, words[:split]), (layout.input_columns, words[split:])):
+            ends.append(dof_of_cells(of_end, layout.direction) if columns else None)
+            if columns and ends[-1] is None:
+                message = (
+                    f"{path}: row {first + at[0] + 1}, column {', '.join(map(str, columns))}: expected a DOF such as "
+                    f"12+z, found {', '.join(map(_shown, of_end))}; state the direction of points alone as direction"
+                )
+                raise MeasurementError(message)
+        of_dofs[ends[0], ends[1]] = np.array(at)
+    return of_dofs
+
+
+def _axis(
+    path: Path, layout: TableLayout, table: dict[int, NDArray[Any]], row: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return frequencies or times, which go one way; `row` are the numbers of the rows in the file."""
     if layout.sampling_Hz is not None:
-        axis = np.asarray(np.arange(len(rows)) / layout.sampling_Hz, float)
+        axis = np.asarray(np.arange(row.size) / layout.sampling_Hz, float)
     elif layout.axis_column:
         axis = table[layout.axis_column].real
     else:
-        axis = layout.axis_start + layout.axis_step * np.arange(len(rows))
+        axis = layout.axis_start + layout.axis_step * np.arange(row.size)
     if layout.layout == "time":
         where = f"{path}: column {layout.axis_column}"
-        require_ascending(where, "row", segment.first + 1, axis, "[measurement.table]")
+        require_ascending(where, "row", int(row[0]), axis, "[measurement.table]")
     elif not np.all(np.diff(axis) > 0) and not np.all(np.diff(axis) < 0):
-        row = segment.first + 2 + int(np.argmin(np.diff(axis) > 0))
-        message = f"{path}: row {row}, column {layout.axis_column}: the frequency does not ascend"
+        at = row[1 + int(np.argmin(np.diff(axis) > 0))]
+        message = f"{path}: row {at}, column {layout.axis_column}: the frequency does not ascend"
         raise MeasurementError(message)
-    return _functions(path, layout, columns, table, np.asarray(axis), unit)
+    return np.asarray(axis)
 
 
 def _functions(
@@ -352,7 +409,7 @@ def _begins_with_number(row: str, layout: TableLayout) -> bool:
 
 def _all_columns(width: int, layout: TableLayout, path: Path) -> tuple[tuple[int, ...], ...]:
     step = layout.width
-    taken = {layout.axis_column, *layout.coherence_columns}
+    taken = {layout.axis_column, *layout.coherence_columns, *layout.output_columns, *layout.input_columns}
     free = [c for c in range(1, width + 1) if c not in taken]
     if not free or len(free) % step:
         message = (
@@ -361,6 +418,21 @@ def _all_columns(width: int, layout: TableLayout, path: Path) -> tuple[tuple[int
         )
         raise MeasurementError(message)
     return tuple(tuple(free[i : i + step]) for i in range(0, len(free), step))
+
+
+def _require_width(path: Path, rows: list[str], layout: TableLayout, first: int) -> None:
+    """Refuse a row with a number more than all others, in which columns are shifted."""
+    separator = SEPARATORS[layout.delimiter]
+    counts = np.array([row.count(separator) if separator else len(row.split()) for row in rows])
+    usual = int(np.median(counts))
+    for k in np.flatnonzero(counts > usual):
+        cells = cells_of(rows[k], layout.delimiter)
+        width = len(cells_of(rows[int(np.flatnonzero(counts == usual)[0])], layout.delimiter))
+        if len(cells) > width and all(_begins_with_number(cell, layout) for cell in cells):
+            message = (
+                f"{path}: row {first + k + 1} has {len(cells)} numbers, and the others {width}: columns are shifted"
+            )
+            raise MeasurementError(message)
 
 
 def _numbers(

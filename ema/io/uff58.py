@@ -176,8 +176,13 @@ def _content(path: Path) -> Content:
     """Return a file as bytes that are read where they are looked at."""
     try:
         with path.open("rb") as file:
-            empty = os.fstat(file.fileno()).st_size == 0
-            return b"" if empty else mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            if os.fstat(file.fileno()).st_size == 0:
+                return b""
+            data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            beginning = 400  # bytes in which lines end
+            if b"\r" in data[:beginning] and b"\n" not in data[:beginning]:  # lines as old Macintoshes ended them
+                return data[:].replace(b"\r", b"\n")
+            return data
     except (OSError, ValueError) as error:
         message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
         raise MeasurementError(message) from error

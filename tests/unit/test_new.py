@@ -150,7 +150,7 @@ def test_frequencies_in_other_units(tmp_path, title, factor):
         f"{title},Re [g/N],Im [g/N]\n" + "".join(f"{a:.9g},{b:.9g},{c:.9g}\n" for a, b, c in rows)
     )
     new(tmp_path)
-    assert "the frequencies are those of the first column times" in campaign_text(tmp_path)
+    assert "the frequencies are those of their column times" in campaign_text(tmp_path)
     found = frf(tmp_path, tmp_path.name)
     np.testing.assert_allclose(found.frequency, FREQUENCY, rtol=1e-8)
     np.testing.assert_allclose(found.value[0, 0], 9.80665 * VALUE[:, 0], rtol=1e-7)
