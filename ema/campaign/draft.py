@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import filecmp
 import re
 from collections import Counter, defaultdict
@@ -22,7 +21,7 @@ from ema.io.guess_table import guess_table, not_understood
 from ema.io.guess_variables import axis_keys, guess_variables, lone_axis
 from ema.io.measured_function import MeasuredFunction
 from ema.io.sdynpy import holds_data_arrays, read_data_arrays
-from ema.io.table import read_points
+from ema.io.table import point_columns, read_points, said_unit
 from ema.io.uff import (
     NOT_OVER_FORCE,
     OF_DATA_TYPE,
@@ -39,7 +38,7 @@ from ema.io.uff_sets import LABEL_OF_MOTION
 from ema.io.units import NOT_UNDERSTOOD, parse_unit
 from ema.types.errors import CampaignError, MeasurementError
 
-_TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".tsv", ".lvm", ".gz")
+_TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".prn", ".tsv", ".lvm", ".gz")
 _NO_DATA = (
     ".toml", ".md", ".rst", ".pdf", ".docx", ".png", ".jpg", ".jpeg", ".gif", ".svg", ".html", ".json", ".py", ".m",
     ".ipynb", ".log", ".ini",
@@ -515,9 +514,7 @@ def _lists_points(file: Path) -> bool:
             head = text.readline(1000)
     except (OSError, UnicodeDecodeError):
         return False
-    delimiter = next((d for d in ";\t," if d in head), ",")
-    names = {cell.strip().casefold() for row in csv.reader([head], delimiter=delimiter) for cell in row}
-    return {"node", "x", "y", "z"} <= names
+    return {"node", "x", "y", "z"} <= set(point_columns(head)[1])
 
 
 def first_points(files: Iterable[Path], *, longest: float = 10.0) -> PointsFound | None:
@@ -526,17 +523,18 @@ def first_points(files: Iterable[Path], *, longest: float = 10.0) -> PointsFound
     `longest`: m; points that span more than this number of their unit are in mm.
     """
     for file in files:
-        stated = False
+        stated, said = False, None
         try:
             if format_of(file) == "uff":
                 geometry, _ = read_uff_geometry(file)
                 stated = read_uff_units(file) is not None
             else:
                 geometry = read_points(file, parse_unit("m"))
+                said = said_unit(file)
         except MeasurementError:
             continue
         span = float(np.ptp(geometry.coordinate, axis=0).max())
-        unit = None if stated else "mm" if span > longest else "m"
+        unit = None if stated else said or ("mm" if span > longest else "m")
         return PointsFound(file=file, unit=unit, span=span, node=tuple(geometry.node.tolist()))
     return None
 

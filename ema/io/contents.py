@@ -151,6 +151,7 @@ def ratios_in(text: str) -> Iterator[tuple[str, Unit]]:
     """Give the units in a header that are ratios, with what they mean."""
     in_brackets = re.findall(r"[\[(]([^\[\]\s,;]*/[^\[\]\s,;]*)[\])](?=[\s,;]|$)", text)
     in_brackets += [re.sub(r"\s", "", label) for label in re.findall(r"\[([^\[\],;]*/[^\[\],;]*)\]", text)]
+    in_brackets += re.findall(r"\bre\.? *1? *([^\s,;]*/[^\s,;]*)[\])](?=[\s,;]|$)", text)  # of decibels
     for word in (*re.split(r"[\s,;]+", text), *in_brackets):
         label = word.strip("[]\"'")
         try:

@@ -113,7 +113,10 @@ def _dofs_in_header(head: str) -> tuple[Code | None, Code | None]:
 
     A row of one DOF may say which of both it is; else the output comes first.
     """
-    rows = [row for row in head.splitlines() if re.search(_OF_POINTS, row, re.IGNORECASE)]
+    rows = [
+        row for row in head.splitlines()
+        if re.search(_OF_POINTS, row, re.IGNORECASE) or ("/" in row and len(dofs_in(row)) == 2)
+    ]  # fmt: skip
     dofs = [code for row in rows for code in dofs_in(row)]
     outputs, inputs = (
         [dofs_in(row)[0] for row in rows if len(dofs_in(row)) == 1 and _tells_of(row, this, other)]

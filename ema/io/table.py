@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import gzip
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -32,6 +33,9 @@ from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry
 
 _BEYOND = "beyond the last column"
+_OF_NODE = r"nodes?|points?|punkte?|knoten|to[cč]ka|(?:node|point)[ _]?(?:no|nr|number|id)\.?"
+_OF_UNIT = re.compile(r"[\[(](.*?)[\])]")
+_LENGTHS = {"m", "cm", "mm", "in"}
 Column = Annotated[int, Field(ge=1)]
 
 
@@ -302,7 +306,8 @@ def _functions(
 def read_points(path: Path, unit: Unit) -> Geometry:
     """Read a list of points: a header row ``node,x,y,z``, then one row for each point.
 
-    Columns may stand in any order and others are ignored; semicolons or tabs as delimiters allow decimal commas.
+    The first may be called point or punkt, and units may stand in brackets behind the others. Columns may stand in any
+    order and others are ignored; semicolons or tabs as delimiters allow decimal commas.
 
     Raises
     ------
@@ -310,8 +315,7 @@ def read_points(path: Path, unit: Unit) -> Geometry:
         A column is missing or a row is not numbers; the message names file, row and column.
     """
     text = _text(path, "utf-8")
-    head = text.partition("\n")[0]
-    delimiter = next((d for d in ";\t," if d in head), ",")
+    delimiter, _ = point_columns(text.partition("\n")[0])
     reader = csv.DictReader(text.splitlines(), delimiter=delimiter, restkey=_BEYOND)
     try:
         return _points(path, reader, "." if delimiter == "," else ",", unit)
@@ -320,8 +324,28 @@ def read_points(path: Path, unit: Unit) -> Geometry:
         raise MeasurementError(message) from error
 
 
+def point_columns(head: str) -> tuple[str, tuple[str, ...]]:
+    """Return what separates the columns of a list of points, by its first row, and what they are called."""
+    delimiter = next((d for d in ";\t," if d in head), ",")
+    return delimiter, tuple(_point_column(name) for name in next(csv.reader([head], delimiter=delimiter), []))
+
+
+def _point_column(title: str) -> str:
+    name = title.strip().lstrip("#").strip().casefold()
+    unit = _OF_UNIT.search(name)
+    if unit is not None and unit[1].strip() in _LENGTHS:
+        name = _OF_UNIT.sub("", name).strip()
+    return "node" if re.fullmatch(_OF_NODE, name) else name
+
+
+def said_unit(path: Path) -> str | None:
+    """Return the unit in brackets behind the coordinates in the first row of a list of points; None without one."""
+    labels = {match[1].strip() for match in _OF_UNIT.finditer(_text(path, "utf-8").partition("\n")[0])}
+    return labels.pop() if len(labels) == 1 and labels <= _LENGTHS else None
+
+
 def _points(path: Path, reader: csv.DictReader[str], decimal: str, unit: Unit) -> Geometry:
-    names = {(name or "").strip().casefold(): name for name in reader.fieldnames or ()}
+    names = {_point_column(name or ""): name for name in reader.fieldnames or ()}
     missing = [name for name in ("node", "x", "y", "z") if name not in names]
     if missing:
         message = f"{path}: row 1 must name the columns node, x, y, z; missing: {', '.join(missing)}"
