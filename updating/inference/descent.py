@@ -4,41 +4,67 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from updating.inference.discrepancy import Sizes
-from updating.inference.explain import DAMP, Cost, Setting, coordinates_of, step_within, weighed_at
+from updating.inference.explain import DAMP, Cost, Setting, coordinates_of, log_prior_apart, step_within, weighed_at
 from updating.inference.protocol import LocalModel, Model, Term
 
 Vector = NDArray[np.float64]
 
 
-def outlook(
-    model: Model, terms: Sequence[Term], setting: Setting, x: Vector, local: LocalModel, sizes: Sizes
-) -> tuple[float, Vector]:
-    """Return the expected negative cost after one step from some coordinates, and the coordinates there.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Descent:
+    """Where damped steps with some terms have led.
 
-    Parameters
+    Attributes
     ----------
     model, terms, setting, local, sizes
         As `explain` takes them.
-    x : (n_coordinate,)
+    x : (n_coordinate,) float
         Coordinates.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The model has no modes there.
+    cost : float
+        Negative logarithm of the posterior density there, of the modes that are set apart included.
+    to : (n_coordinate,) float
+        Where the next step leads.
+    fall : float
+        By how much it is expected to lower the cost.
+    ended : bool
+        Whether the last step lowered it by so little that further ones do not matter.
     """
-    total, slope, hessian = _looked(model, terms, setting, x, local, sizes)
-    to = step_within(slope, hessian, x, coordinates_of(model, terms))
-    step = to - x
-    return -total - float(slope @ step + 0.5 * step @ hessian @ step), to
+
+    model: Model
+    terms: tuple[Term, ...]
+    setting: Setting
+    local: LocalModel
+    sizes: Sizes
+    x: Vector
+    cost: float
+    to: Vector
+    fall: float
+    ended: bool = False
+    _slope: Vector
+    _hessian: Vector
+    _damp: float
+
+    def further(self, *, small: float = 1.0) -> Descent:
+        """Return where one more step leads; one that raises the cost is damped more the next time.
+
+        A fall of the cost by less than `small` ends the steps.
+        """
+        with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there: step less far
+            there = begun(self.model, self.terms, self.setting, self.to, self.local, self.sizes, damp=self._damp / 5.0)
+            if there.cost < self.cost:
+                return replace(there, ended=self.cost - there.cost < small)
+        damp = max(8.0 * self._damp, 1e-2)
+        to, fall = _ahead(self.x, self._slope, self._hessian, self.terms, self.model, damp)
+        return replace(self, to=to, fall=fall, _damp=damp)
 
 
-def descended(
+def begun(
     model: Model,
     terms: Sequence[Term],
     setting: Setting,
@@ -46,48 +72,55 @@ def descended(
     local: LocalModel,
     sizes: Sizes,
     *,
-    steps: int,
-    small: float = 1.0,
-) -> tuple[float, Vector]:
-    """Return the negative cost to which some damped steps lead, and the coordinates there.
+    damp: float = DAMP,
+) -> Descent:
+    """Return the beginning of steps from some coordinates, (n_coordinate,); the others as `explain` takes them.
 
-    Parameters
-    ----------
-    model, terms, setting, x, local, sizes
-        As `outlook` takes them.
-    steps : int
-        Most steps that are tried; one that raises the cost is not taken.
-    small : float
-        Fall of the cost that ends them.
+    Far off, the terms by the noise of shapes are as large as the misfit and curved: errors alone are nearly linear.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        The model has no modes at `x`.
-    """
-    coordinates = coordinates_of(model, terms)
-    (at, slope, hessian), damp = _looked(model, terms, setting, x, local, sizes), DAMP
-    for _ in range(steps):
-        trial, after = step_within(slope, hessian, x, coordinates, damp=damp), np.inf
-        with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there: step less far
-            after, *there = _looked(model, terms, setting, trial, local, sizes)
-        if not after < at:
-            damp = max(8.0 * damp, 1e-2)
-            continue
-        fall, at, x, (slope, hessian), damp = at - after, after, trial, there, damp / 5.0
-        if fall < small:
-            break
-    return -at, x
-
-
-def _looked(
-    model: Model, terms: Sequence[Term], setting: Setting, x: Vector, local: LocalModel, sizes: Sizes
-) -> tuple[float, Vector, Vector]:
-    """Return the cost at some coordinates, its slope and its curvature.
-
-    Far off, the terms by the noise of shapes are as large as the misfit and curved: errors alone are nearly linear.
+        The model has no modes there.
     """
     precision = np.array([c.std**-2.0 for c in coordinates_of(model, terms)])
     _, problem, white = weighed_at(model, local, setting, x, sizes)
     hessian = white.hessian + np.diag(precision) + problem.curvature
-    return Cost(precision, sizes).total(problem, white, x), white.slope + precision * x, hessian
+    slope = white.slope + precision * x
+    to, fall = _ahead(x, slope, hessian, terms, model, damp)
+    return Descent(
+        model=model,
+        terms=tuple(terms),
+        setting=setting,
+        local=local,
+        sizes=sizes,
+        x=x,
+        cost=Cost(precision, sizes).total(problem, white, x) - log_prior_apart(setting.apart),
+        to=to,
+        fall=fall,
+        _slope=slope,
+        _hessian=hessian,
+        _damp=damp,
+    )
+
+
+def _ahead(
+    x: Vector, slope: Vector, hessian: Vector, terms: Sequence[Term], model: Model, damp: float
+) -> tuple[Vector, float]:
+    """Return where the next step leads, and by how much it is expected to lower the cost."""
+    to = step_within(slope, hessian, x, coordinates_of(model, terms), damp=damp)
+    step = to - x
+    return to, -float(slope @ step + 0.5 * step @ hessian @ step)
+
+
+def raced(descents: Sequence[Descent], *, steps: int, behind: float) -> list[Descent]:
+    """Return descents after at most `steps` further steps each.
+
+    One goes on as long as it would come within `behind` of the lowest cost if each of the steps that are left lowered
+    its cost by as much as the next is expected to.
+    """
+    going = list(descents)
+    for left in range(steps, 0, -1):
+        lowest = min((d.cost for d in going), default=np.inf)
+        going = [d.further() if not d.ended and d.cost - left * d.fall < lowest + behind else d for d in going]
+    return going

@@ -283,14 +283,14 @@ def _likelier_apart(
             for c, e in enumerate(fit.errors)
         )
         problem = joined(errors, setting.common)
-        prior = log_prior + _log_prior_apart(apart)
+        prior = log_prior + log_prior_apart(apart)
         log = _evidence(problem, fit.x, precision, prior, setting.priors, fit.evidence.sizes)[0].log
         if log > best:
             best, likelier = log, apart
     return likelier
 
 
-def _log_prior_apart(apart: Collection[tuple[int, int]]) -> float:
+def log_prior_apart(apart: Collection[tuple[int, int]]) -> float:
     """Return the logarithm of the prior probability that some measured modes are none of the model's."""
     return len(apart) * math.log(STRANGE)
 
@@ -341,7 +341,7 @@ def converged(
     coordinates = coordinates_of(model, terms)
     lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
     precision = np.array([c.std**-2.0 for c in coordinates])
-    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + _log_prior_apart(setting.apart)
+    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + log_prior_apart(setting.apart)
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
     course: list[float] = []

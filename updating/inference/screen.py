@@ -12,13 +12,12 @@ import contextlib
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.inference.descent import descended, outlook
+from updating.inference.descent import Descent, begun, raced
 from updating.inference.discrepancy import Problem, Sizes, joined, roots, whitened
 from updating.inference.equation_error import Errors, equation_errors, scales
 from updating.inference.explain import Setting, coordinates_of, step_within
@@ -99,7 +98,7 @@ def screened(
     present: Sequence[Term],
     further: Sequence[Term],
     origins: Sequence[Mapping[str, float]],
-    local: LocalModel,
+    local: Sequence[LocalModel],
     sizes: Sizes,
     *,
     asked: int = 12,
@@ -107,21 +106,22 @@ def screened(
     carried: int = 2,
     steps: int = 5,
     weak: float = 0.1,
-) -> list[dict[str, tuple[float, Vector, LocalModel]]]:
-    """Return the negative cost that a few steps with each further term reach, and where they end, by setting.
-
-    The third value is the model that has the term's coordinates alone.
+    behind: float = 12.0,
+) -> dict[str, Descent]:
+    """Return where a few steps with each further term lead, by its name, the lowest cost first.
 
     Parameters
     ----------
-    model, local, sizes
-        As `explain` takes them; `local` has the coordinates of all terms.
+    model, sizes
+        As `explain` takes them.
     settings : sequence of Setting
         What fits may begin with, which differ in the modes that they set apart.
     present, further : sequence of Term
         Terms of the explanation, and those of which each is added alone.
     origins : sequence of mapping of str to float
         Coordinates of the explanation from which steps are taken; further ones are at their starts.
+    local : sequence of LocalModel
+        The model about each origin, with the coordinates of all terms.
     asked, starts_each : int
         Number of terms, the best of the screening, that are evaluated with the model itself, and number of starts of
         each: the best of each place (of coordinates with more than two starts), and the best from each origin.
@@ -130,19 +130,21 @@ def screened(
         what one step promises far off is little more than a rank.
     weak : float
         Terms of several coordinates also start at this share of their starts; those of one coordinate at neutral.
+    behind : float
+        Steps that do not lead to within this of the lowest cost need not be taken (see `raced`).
     """
     coordinates = coordinates_of(model, [*present, *further])
     index = {c.name: i for i, c in enumerate(coordinates)}
-    at: list[tuple[Vector, list[_Origin | None]]] = []
-    for values_of in origins:
+    at: list[tuple[Vector, LocalModel, list[_Origin | None]]] = []
+    for values_of, about in zip(origins, local, strict=True):
         x = np.array([values_of.get(c.name, 0.0) for c in coordinates])
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-            screens = [local.screen(x, c) for c in range(len(model.states))]
+            screens = [about.screen(x, c) for c in range(len(model.states))]
             known = tuple(screen for screen in screens if screen is not None)
             whole = len(known) == len(screens)
-            at.append((x, [_origin(model, s, known, x, sizes) if whole else None for s in settings]))
+            at.append((x, about, [_origin(model, s, known, x, sizes) if whole else None for s in settings]))
     if not at:
-        return [{} for _ in settings]
+        return {}
     # By setting and term: what a step is expected to reach, its origin, and its start.
     first: list[dict[str, list[tuple[float, int, Vector]]]] = [{} for _ in settings]
     for term in further:
@@ -151,16 +153,16 @@ def screened(
         new = [c for c in together if c.name not in origins[0]]
         trials = list(itertools.product(*(c.starts for c in new)))
         trials += [(0.0,)] if len(new) == 1 else [tuple(weak * v for v in values) for values in trials if new]
-        for values, (o, (x, of_setting)) in itertools.product(trials, enumerate(at)):
+        for values, (o, (x, _, of_setting)) in itertools.product(trials, enumerate(at)):
             start = x.copy()
             start[[index[c.name] for c in new]] = values
             expected = _expected(model, of_setting, start, columns, together)
             for by_term, reaches in zip(first, expected, strict=True):
                 by_term.setdefault(term.name, []).append((reaches, o, start[columns]))
 
-    def reached(setting: Setting, of_term: Mapping[str, list[tuple[float, int, Vector]]]) -> dict[str, Any]:
-        ends_of = dict[str, tuple[float, Vector, LocalModel]]()
-        by_name = {term.name: term for term in further}
+    nears = dict[tuple[str, int], LocalModel]()
+    descents, by_name = dict[str, list[Descent]](), {term.name: term for term in further}
+    for setting, of_term in zip(settings, first, strict=True):
         for rank, name in enumerate(sorted(of_term, key=lambda name: -max(expected for expected, *_ in of_term[name]))):
             starts = sorted(of_term[name], key=lambda trial: -trial[0])
             known = np.isfinite(starts[0][0])
@@ -168,25 +170,22 @@ def screened(
                 break
             together = coordinates_of(model, [*present, by_name[name]])
             placed = [i for i, c in enumerate(together) if c.name not in origins[0] and len(c.starts) > 2]
-            if name not in nears:
-                nears[name] = local.of(together)
-            terms, near = [*present, by_name[name]], nears[name]
-            tried = list[tuple[float, int, Vector]]()
-            for _, number, start in _best_starts(starts, placed, starts_each) if known else starts:
+            tried = list[tuple[int, Descent]]()
+            for _, o, start in _best_starts(starts, placed, starts_each) if known else starts:
+                if (name, o) not in nears:
+                    nears[name, o] = at[o][1].of(together)
                 with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-                    tried.append((outlook(model, terms, setting, start, near, sizes)[0], number, start))
-            tried.sort(key=lambda trial: -trial[0])
-            of_origin = {number: i for i, (_, number, _) in reversed(list(enumerate(tried)))}
-            ends = [
-                descended(model, terms, setting, tried[i][2], near, sizes, steps=steps)
-                for i in sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
-            ]
-            if ends:
-                ends_of[name] = *max(ends, key=lambda end: end[0]), near
-        return ends_of
-
-    nears = dict[str, LocalModel]()
-    return [reached(setting, of_term) for setting, of_term in zip(settings, first, strict=True)]
+                    terms = [*present, by_name[name]]
+                    tried.append((o, begun(model, terms, setting, start, nears[name, o], sizes)))
+            tried.sort(key=lambda trial: trial[1].cost - trial[1].fall)
+            of_origin = {o: i for i, (o, _) in reversed(list(enumerate(tried)))}
+            best = sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
+            descents.setdefault(name, []).extend(tried[i][1] for i in best)
+    ends = raced([d for of_name in descents.values() for d in of_name], steps=steps, behind=behind)
+    best_of = dict[str, Descent]()
+    for end in sorted(ends, key=lambda end: end.cost):
+        best_of.setdefault(end.terms[-1].name, end)
+    return best_of
 
 
 def _best_starts(

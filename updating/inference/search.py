@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.descent import outlook
+from updating.inference.descent import begun
 from updating.inference.discrepancy import DAMPING, STIFFNESS, SizePrior
 from updating.inference.explain import Explanation, Setting, converged, coordinates_of, explain, setting, too_large
 from updating.inference.left_out import Kind, LeftOut, left_out
@@ -332,12 +333,14 @@ def extended(
     gain: float = 1.0,
     steps: int = 10,
     small: float = 0.3,
+    behind: float = 12.0,
 ) -> list[Explanation]:
-    """Fit each further term beside an explanation on one basis about it, the likeliest first.
+    """Fit each further term beside an explanation on a basis about where it starts, the likeliest first.
 
-    Terms are ordered by the cost that `screened` expects. The `least` likeliest, and of the `last` likeliest those that
-    are expected to lower the cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`. Modes
-    that the explanation sets apart may be those of what is missing, so that all is tried with these as well.
+    Terms are ordered by the cost that `screened` reaches. The `least` likeliest, and of the `last` likeliest those that
+    lower the cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`; those that end
+    `behind` the best take none. Modes that the explanation sets apart may be those of what is missing, so that all is
+    tried with these as well.
     """
     present = [model.terms[n] for n in at.terms]
     further = [t for n, t in model.terms.items() if n not in at.terms]
@@ -354,25 +357,20 @@ def extended(
     if at.evidence.sizes.stiffness > common.priors[0].quantile(1.0 - INADEQUATE):
         names = [c.name for c in model.nuisances]
         origins += [{**have, **dict(zip(names, start, strict=True))} for start in starts]
-    local = model.about(coordinates, [np.array([origin.get(c.name, 0.0) for c in coordinates]) for origin in origins])
+    local = [model.about(coordinates, [np.array([o.get(c.name, 0.0) for c in coordinates])]) for o in origins]
     fits = dict[str, Explanation]()
     sizes, none = at.evidence.sizes, frozenset[tuple[int, int]]()
     settings = [replace(common, apart=apart) for apart in dict.fromkeys((at.apart, none))]
-    reached = screened(model, settings, present, further, origins, local, sizes)
-    for common, expected in zip(settings, reached, strict=True):
-        now = outlook(model, present, common, at.x, local.of(at.coordinates), sizes)[0]
-        for i, name in enumerate(sorted(expected, key=lambda n: -expected[n][0])[:last]):
-            if i >= least and expected[name][0] < now + gain:
-                break
-            terms, (_, start, near) = [*present, model.terms[name]], expected[name]
-            try:
-                fit = converged(
-                    model, terms, common, start, local=near, rounds=1, steps=steps, small=small, sizes=sizes
-                )
-            except (np.linalg.LinAlgError, ValueError):
-                continue
-            if name not in fits or fit.log_evidence > fits[name].log_evidence:
-                fits[name] = fit
+    reached = screened(model, settings, present, further, origins, local, sizes, behind=behind)
+    now = begun(model, present, settings[0], at.x, local[0].of(at.coordinates), sizes)
+    lowest = min((end.cost for end in reached.values()), default=np.inf)
+    for i, (name, end) in enumerate(list(reached.items())[:last]):
+        if end.cost > lowest + behind or (i >= least and now.cost - now.fall - end.cost < gain):
+            break
+        with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
+            fits[name] = converged(
+                model, end.terms, end.setting, end.x, local=end.local, rounds=1, steps=steps, small=small, sizes=sizes
+            )
     return sorted(fits.values(), key=lambda f: -f.log_evidence)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from updating.errors import FitError
-from updating.inference.descent import outlook
+from updating.inference.descent import begun
 from updating.inference.discrepancy import DAMPING, SPREAD, STIFFNESS, SizePrior
 from updating.inference.explain import Explanation, Setting, converged, coordinates_of, errors_at, explain, setting
 from updating.inference.levels import INADEQUATE, PULLED
@@ -289,7 +289,8 @@ def _now(model: SpecimensModel, common: Setting, at: Explanation) -> float:
     """Return what a fit itself is expected to reach, minus the cost."""
     terms = [model.terms[n] for n in at.terms]
     local = model.about(at.coordinates, [at.x])
-    return outlook(model, terms, common, at.x, local, at.evidence.sizes)[0]
+    now = begun(model, terms, common, at.x, local, at.evidence.sizes)
+    return now.fall - now.cost
 
 
 def _after_step(
@@ -326,12 +327,12 @@ def _after_step(
         x = np.clip(here + share * (there - here), *ends)
         try:
             local = model.about(coordinates, [x])
-            level, to = outlook(model, terms, common, x, local, at.evidence.sizes)
+            ahead = begun(model, terms, common, x, local, at.evidence.sizes)
         except (np.linalg.LinAlgError, ValueError):  # no modes there
             continue
-        level += terms[-1].log_prior or 0.0
+        level = ahead.fall - ahead.cost + (terms[-1].log_prior or 0.0)
         if best is None or level > best[0]:
-            best = level, to
+            best = level, ahead.to
         if level > now:
             break
     return best
