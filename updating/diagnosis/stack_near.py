@@ -12,7 +12,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from model.elements.equations import OMEGA, ParameterFactor, Target
-from model.reduction.reduced_equations import Matrix, ReducedTerm, generic
+from model.reduction.reduced_equations import InRange, Matrix, ReducedTerm, generic
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
 from updating.diagnosis.fit_settings import scaled
 from updating.diagnosis.local_basis import MODES, N_FURTHER, Responses, gathered, leading, parallel, times
@@ -215,10 +215,18 @@ class StackNear:
     ) -> None:
         """Project the terms: exact ones with their factor, places and dimensions as derivatives at the first point."""
         projected: dict[int, Vector] = {}
+        ranges: dict[int, Vector] = {}  # which many matrices share
 
         def project(matrix: Matrix) -> Vector:
-            if id(matrix) not in projected:
-                projected[id(matrix)] = self.basis.T @ times(matrix, self.basis)
+            if id(matrix) in projected:
+                return projected[id(matrix)]
+            if isinstance(matrix, InRange):
+                if id(matrix.range) not in ranges:
+                    ranges[id(matrix.range)] = matrix.range.T @ self.basis
+                within = ranges[id(matrix.range)]
+                projected[id(matrix)] = within.T @ matrix.core @ within
+            else:
+                projected[id(matrix)] = self.basis.T @ (matrix @ self.basis)
             return projected[id(matrix)]
 
         n = self.size
