@@ -130,11 +130,11 @@ class StackReference:
         at = dict(zip((c.name for c in self.fit.coordinates), x.tolist(), strict=True))
         theta, system = model.theta(at, first)[0], self.candidates.system
         modes = local.basis @ modals[first].shape
-        seen = {id(points): observe(system, points).rows for points in observation}
+        seen = {points: observe(system, points).rows for points in observation}
         return Beside(
             states=model.states,
             modals=modals,
-            sensors=tuple(seen[id(points)] for points in observation),
+            sensors=tuple(seen[points] for points in observation),
             structure=lambda band: Fields(system, modes, theta, band),
         )
 

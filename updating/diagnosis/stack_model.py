@@ -101,7 +101,7 @@ class StackModel:
         self.effects = dict(candidates.effects if effects is None else effects)
         self.tested, self.observation, self.start = tuple(tested), tuple(observation), start
         self.slip = slip_effect(self.effects)
-        self._seen: dict[int, tuple[Vector, Vector]] = {} if like is None else like._seen
+        self._seen: dict[Observation, tuple[Vector, Vector]] = {} if like is None else like._seen
         self.measured = tuple(
             StackState(
                 state=state_of(configuration, touching=self.stack.n_lamina > 1),
@@ -130,10 +130,10 @@ class StackModel:
 
     def _rows(self, points: Observation) -> tuple[Vector, Vector]:
         """Return the rows of measured points, (n_dof, n_basis), and how they change as all move along x."""
-        if id(points) not in self._seen:
+        if points not in self._seen:
             rows = observe(self.candidates.system, points).reduced_rows
-            self._seen[id(points)] = rows, place_slopes(self.candidates.system, points)[:, 0]
-        return self._seen[id(points)]
+            self._seen[points] = rows, place_slopes(self.candidates.system, points)[:, 0]
+        return self._seen[points]
 
     def of_tests(self, tested: Sequence[Tested], observation: Sequence[Observation]) -> StackModel:
         """Return the model of the same stack in other tests, the same equations being looked at."""

@@ -5,13 +5,24 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.discrepancy import Sizes
-from updating.inference.explain import DAMP, Cost, Setting, coordinates_of, log_prior_apart, step_within, weighed_at
+from updating.inference.discrepancy import Problem, Sizes
+from updating.inference.explain import (
+    DAMP,
+    Cost,
+    Setting,
+    coordinates_of,
+    evidence_of,
+    log_prior_apart,
+    step_within,
+    weighed_at,
+)
 from updating.inference.protocol import LocalModel, Model, Term
+from updating.inference.tree import TreeProblem
 
 Vector = NDArray[np.float64]
 
@@ -46,9 +57,19 @@ class Descent:
     to: Vector
     fall: float
     ended: bool = False
+    _problem: Problem | TreeProblem
     _slope: Vector
     _hessian: Vector
     _damp: float
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Logarithm of the marginal likelihood there, sizes of the discrepancy integrated out.
+
+        Costs at the sizes of a model that is far off hardly tell a good end from one that is less bad.
+        """
+        coordinates = coordinates_of(self.model, self.terms)
+        return evidence_of(self._problem, self.x, coordinates, self.setting, self.sizes)[0].log
 
     def further(self, *, small: float = 1.0) -> Descent:
         """Return where one more step leads; one that raises the cost is damped more the next time.
@@ -98,6 +119,7 @@ def begun(
         cost=Cost(precision, sizes).total(problem, white, x) - log_prior_apart(setting.apart),
         to=to,
         fall=fall,
+        _problem=problem,
         _slope=slope,
         _hessian=hessian,
         _damp=damp,

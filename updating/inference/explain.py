@@ -261,8 +261,6 @@ def _likelier_apart(
     """
     if isinstance(fit.problem, TreeProblem):  # with many states, no mode is set apart yet
         return None
-    precision = np.array([c.std**-2.0 for c in fit.coordinates])
-    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0])))
     m = fit.errors[0].value.shape[1]
     numbered = [(c, r) for c, e in enumerate(fit.errors) for r in range(len(e.value))]
     covariance = fit.evidence.sizes.stiffness**2 * fit.problem.discrepancy + fit.problem.noise
@@ -283,8 +281,8 @@ def _likelier_apart(
             for c, e in enumerate(fit.errors)
         )
         problem = joined(errors, setting.common)
-        prior = log_prior + log_prior_apart(apart)
-        log = _evidence(problem, fit.x, precision, prior, setting.priors, fit.evidence.sizes)[0].log
+        of_trial = replace(setting, apart=apart)
+        log = evidence_of(problem, fit.x, fit.coordinates, of_trial, fit.evidence.sizes)[0].log
         if log > best:
             best, likelier = log, apart
     return likelier
@@ -341,7 +339,6 @@ def converged(
     coordinates = coordinates_of(model, terms)
     lower, upper = (np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper"))
     precision = np.array([c.std**-2.0 for c in coordinates])
-    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + log_prior_apart(setting.apart)
     x = np.clip(np.array(start, float), lower, upper)
     best: Explanation | None = None
     course: list[float] = []
@@ -352,7 +349,7 @@ def converged(
             here, made = model.about(coordinates, [x]), x
         errors, problem, white = weighed_at(model, here, setting, x, sizes)
         if best is not None and here is not at_end:  # the model is another
-            sizes = _evidence(problem, x, precision, log_prior, setting.priors, sizes)[0].sizes
+            sizes = evidence_of(problem, x, coordinates, setting, sizes)[0].sizes
             white = problem.weighed(sizes)
         cost = Cost(precision, sizes)
         at, damp = cost.total(problem, white, x), DAMP
@@ -374,7 +371,7 @@ def converged(
             if course[-2] - at < small * setting.loose:
                 break
         problem = _curved(model, here, setting, problem, white, x, coordinates, cost)
-        marginal, std = _evidence(problem, x, precision, log_prior, setting.priors, sizes)
+        marginal, std = evidence_of(problem, x, coordinates, setting, sizes)
         gain = np.inf if best is None else abs(marginal.log - best.log_evidence)
         best = Explanation(
             terms=tuple(term.name for term in terms),
@@ -438,21 +435,18 @@ def weighed_at(
     return errors, problem, problem.weighed(sizes)
 
 
-def _evidence(
-    problem: Problem | TreeProblem,
-    x: Vector,
-    precision: Vector,
-    log_prior: float,
-    priors: tuple[SizePrior, SizePrior],
-    sizes: Sizes,
+def evidence_of(
+    problem: Problem | TreeProblem, x: Vector, coordinates: Sequence[Coordinate], setting: Setting, sizes: Sizes
 ) -> tuple[Evidence, Vector]:
     """Return the evidence, and the standard deviations of the coordinates; `sizes` are near the likeliest."""
+    precision = np.array([c.std**-2.0 for c in coordinates])
+    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + log_prior_apart(setting.apart)
     if isinstance(problem, TreeProblem):
-        return tree_evidence(problem, x, precision, log_prior, priors, sizes)
+        return tree_evidence(problem, x, precision, log_prior, setting.priors, sizes)
     stiffness = spectrum(problem.value, problem.jacobian, problem.noise, problem.discrepancy)
     damping = spectrum(problem.damping, problem.damping_jacobian, problem.damping_noise, problem.damping_discrepancy)
-    marginal = evidence(stiffness, damping, problem, x, precision, log_prior, priors)
-    return marginal, _std((stiffness, damping), marginal, problem, x, precision, priors)
+    marginal = evidence(stiffness, damping, problem, x, precision, log_prior, setting.priors)
+    return marginal, _std((stiffness, damping), marginal, problem, x, precision, setting.priors)
 
 
 def step_within(

@@ -108,7 +108,9 @@ def screened(
     weak: float = 0.1,
     behind: float = 12.0,
 ) -> dict[str, Descent]:
-    """Return where a few steps with each further term lead, by its name, the lowest cost first.
+    """Return where a few steps with each further term lead, by its name, the likeliest first.
+
+    Of terms that end more than `behind` above the lowest cost, nothing is returned.
 
     Parameters
     ----------
@@ -131,7 +133,7 @@ def screened(
     weak : float
         Terms of several coordinates also start at this share of their starts; those of one coordinate at neutral.
     behind : float
-        Steps that do not lead to within this of the lowest cost need not be taken (see `raced`).
+        How far above the lowest cost, at given sizes of the discrepancy, an end may be (see `raced`).
     """
     coordinates = coordinates_of(model, [*present, *further])
     index = {c.name: i for i, c in enumerate(coordinates)}
@@ -182,8 +184,9 @@ def screened(
             best = sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
             descents.setdefault(name, []).extend(tried[i][1] for i in best)
     ends = raced([d for of_name in descents.values() for d in of_name], steps=steps, behind=behind)
+    lowest = min((end.cost for end in ends), default=np.inf)
     best_of = dict[str, Descent]()
-    for end in sorted(ends, key=lambda end: end.cost):
+    for end in sorted((end for end in ends if end.cost <= lowest + behind), key=lambda end: -end.log_evidence):
         best_of.setdefault(end.terms[-1].name, end)
     return best_of
 

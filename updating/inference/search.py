@@ -92,8 +92,8 @@ class Search:
     chosen: Explanation
     states: Mapping[str, tuple[int, ...] | None] = field(default_factory=dict)
     refused: bool = False
-    _seen: dict[int, Prediction] = field(default_factory=dict, repr=False)
-    _gains: dict[tuple[int, tuple[int, ...] | None], float] = field(default_factory=dict, repr=False)
+    _seen: dict[Explanation, Prediction] = field(default_factory=dict, repr=False)
+    _gains: dict[tuple[Explanation, tuple[int, ...] | None], float] = field(default_factory=dict, repr=False)
 
     @property
     def base(self) -> Explanation:
@@ -110,7 +110,7 @@ class Search:
 
         It is as probable beforehand as all terms together, and acts in the states that the terms `changed` change.
         """
-        key = id(explanation), self._changed(changed)
+        key = explanation, self._changed(changed)
         if key not in self._gains:
             self._gains[key] = unlisted_gain(explanation, self.setting, self.measured, key[1])
         return self.odds(explanation) + self._gains[key] + math.log(MISSING)
@@ -122,15 +122,15 @@ class Search:
 
     def prediction(self, explanation: Explanation) -> Prediction:
         """Return how well an explanation predicts what is left out."""
-        if id(explanation) not in self._seen:
+        if explanation not in self._seen:
             held = np.array([np.isfinite(c.std) for c in explanation.coordinates])
             held[explanation.n_nuisance :] = False
-            self._seen[id(explanation)] = Prediction(
+            self._seen[explanation] = Prediction(
                 mode=left_out(explanation),
                 state=left_out(explanation, "state"),
                 pull=float(np.max(np.abs(explanation.pulls[held]), initial=0.0)),
             )
-        return self._seen[id(explanation)]
+        return self._seen[explanation]
 
     def _changed(self, terms: Collection[str]) -> tuple[int, ...] | None:
         """Return the states that some terms change; None for all states."""
@@ -337,7 +337,7 @@ def extended(
 ) -> list[Explanation]:
     """Fit each further term beside an explanation on a basis about where it starts, the likeliest first.
 
-    Terms are ordered by the cost that `screened` reaches. The `least` likeliest, and of the `last` likeliest those that
+    Terms are ordered as `screened` has them. The `least` likeliest, and of the `last` likeliest those that
     lower the cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`; those that end
     `behind` the best take none. Modes that the explanation sets apart may be those of what is missing, so that all is
     tried with these as well.
@@ -363,9 +363,8 @@ def extended(
     settings = [replace(common, apart=apart) for apart in dict.fromkeys((at.apart, none))]
     reached = screened(model, settings, present, further, origins, local, sizes, behind=behind)
     now = begun(model, present, settings[0], at.x, local[0].of(at.coordinates), sizes)
-    lowest = min((end.cost for end in reached.values()), default=np.inf)
     for i, (name, end) in enumerate(list(reached.items())[:last]):
-        if end.cost > lowest + behind or (i >= least and now.cost - now.fall - end.cost < gain):
+        if i >= least and now.cost - now.fall - end.cost < gain:
             break
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
             fits[name] = converged(
