@@ -13,7 +13,7 @@ between repeats too well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -155,7 +155,9 @@ class _Side:
 
     Logarithms of frequencies and damping ratios, and the variances that noise leaves in them, are (n_repeat, n_mode);
     NaN where a repeat lacks a mode. Shapes are of unit length: those of each repeat, turned to the first's,
-    (n_repeat, n_dof, n_mode), and what noise leaves of their squared length, (n_repeat, n_mode).
+    (n_repeat, n_dof, n_mode), and what noise leaves of their squared length, (n_repeat, n_mode). `overlapping` holds of
+    each mode in each repeat the shapes, (n_dof, any), of modes without a partner whose half-power bands overlap with
+    its own: two such shapes are as well any others of their plane, as where an identification takes one mode for two.
     """
 
     frequency: NDArray[np.float64]
@@ -164,11 +166,18 @@ class _Side:
     damping_noise: NDArray[np.float64]
     shape: NDArray[np.complex128]
     shape_noise: NDArray[np.float64]
+    overlapping: Sequence[Sequence[NDArray[np.complex128]]]
 
     @property
     def mean_shape(self) -> NDArray[np.complex128]:
         """Means of the shapes over the repeats, (n_dof, n_mode)."""
         return np.asarray(np.nanmean(self.shape, axis=0))
+
+    def span(self, group: NDArray[np.int64], repeat: int | None = None) -> NDArray[np.complex128]:
+        """Return what spans the plane of close modes, with those that overlap, in a repeat or in all, (n_dof, any)."""
+        shape = self.mean_shape if repeat is None else self.shape[repeat]
+        beside = self.overlapping if repeat is None else [self.overlapping[repeat]]
+        return np.hstack([shape[:, group], *(own[k] for own in beside for k in group)])
 
 
 def change(
@@ -288,6 +297,7 @@ def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes
     first = models[0].shape[dofs[0]][:, modes]
     values = np.full((5, len(models), modes.size), np.nan)
     shape = np.full((len(models), dofs[0].size, modes.size), np.nan, dtype=complex)
+    overlapping = []
     for k, (model, of_model) in enumerate(zip(models, dofs, strict=True)):
         rows, columns = match((models[0].frequency, models[0].shape[dofs[0]]), (model.frequency, model.shape[of_model]))
         partner = dict(zip(rows.tolist(), columns.tolist(), strict=True))
@@ -304,6 +314,7 @@ def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes
         )
         turn = modal_scale_factor(used, first[:, there])
         shape[k][:, there] = used / length * np.exp(1j * np.angle(turn))
+        overlapping.append(_overlapping(model, of_model, modes, partner))
     return _Side(
         frequency=values[0],
         frequency_noise=values[1],
@@ -311,7 +322,25 @@ def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes
         damping_noise=values[3],
         shape=shape,
         shape_noise=values[4],
+        overlapping=overlapping,
     )
+
+
+def _overlapping(
+    model: ModalModel, dofs: NDArray[np.int64], modes: NDArray[np.int64], partner: Mapping[int, int]
+) -> list[NDArray[np.complex128]]:
+    """Return of each of some modes the shapes of those without a partner whose half-power bands overlap with its own.
+
+    `partner` tells which mode of the model each of `modes` is, where it is any.
+    """
+    half, taken = model.frequency * model.damping, [partner[r] for r in modes.tolist() if r in partner]
+    others = np.setdiff1d(np.arange(model.frequency.size), taken)
+    shape = model.shape[dofs][:, others] / np.linalg.norm(model.shape[dofs][:, others], axis=0)
+    found = []
+    for own in (partner.get(r) for r in modes.tolist()):
+        gap = np.inf if own is None else np.abs(model.frequency[others] - model.frequency[own]) - half[own]
+        found.append(shape[:, gap < half[others]])
+    return found
 
 
 def _shift(
@@ -367,16 +396,17 @@ def _angles(
         gap = np.abs(matched_frequency[group][:, None] / others - others / matched_frequency[group][:, None])
         mixed = 2.0 * np.sum((stated.frequency / np.maximum(gap, 2.0 * closest)) ** 2, axis=1)
         assembly[group] = np.sum(stated.shape**2 + mixed)
-        angle[group] = np.arcsin(sine(before.mean_shape[:, group], after.mean_shape[:, group]))
+        angle[group] = np.arcsin(sine(before.span(group), after.span(group), group.size))
         for side in (before, after):
             n = np.min(np.count_nonzero(np.isfinite(side.shape_noise[:, group]), axis=0))
             variance[group] += (assembly[group] + np.sum(np.nanmean(side.shape_noise[:, group], axis=0))) / n
     seen = [
-        sine(side.shape[0][:, group], repeat[:, group]) ** 2 / (2.0 * assembly[group[0]])
+        sine(side.span(group, 0), side.span(group, repeat), group.size) ** 2
+        / (2.0 * assembly[group[0]] + np.sum(side.shape_noise[[0, repeat]][:, group]))
         for side in (before, after)
-        for repeat in side.shape[1:]
+        for repeat in range(1, len(side.shape))
         for group in groups
-        if np.all(np.isfinite(repeat[:, group]))
+        if np.all(np.isfinite(side.shape[repeat][:, group]))
     ]
     return angle, np.sqrt(variance * max(1.0, float(np.mean(seen)) if seen else 1.0))
 

@@ -188,9 +188,12 @@ def clusters(frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], ...]:
     return tuple(part.astype(np.int64) for part in np.split(order, np.flatnonzero(gap > CLOSE) + 1) if part.size)
 
 
-def sine(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> float:
-    """Return the sine of the largest angle between the spans of two sets of as many shapes, (n_dof, n)."""
-    return float(np.sin(la.subspace_angles(first, second)[0]))
+def sine(first: NDArray[np.complex128], second: NDArray[np.complex128], n: int) -> float:
+    """Return the sine of the largest angle between the spans of two sets of shapes, (n_dof, any).
+
+    `n`: how many shapes of each are to be the same, whatever the spans have beside.
+    """
+    return float(np.sin(la.subspace_angles(first, second)[-n]))  # they descend
 
 
 def _likeness(first: Modes, second: Modes) -> NDArray[np.float64]:

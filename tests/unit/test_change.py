@@ -105,6 +105,18 @@ def test_close_modes_that_mix_are_one_plane_that_has_not_changed(turn):
     assert found.angle[1] < 0.01
 
 
+@pytest.mark.parametrize("split", ["state", "repeat"])
+def test_one_mode_that_was_identified_as_two_has_the_plane_of_both(split):
+    """Their bands overlap: the larger of the two may have any shape in the plane of both."""
+    rest = SHAPE[:, 1] - SHAPE[:, 2] * (SHAPE[:, 1] @ SHAPE[:, 2]) / (SHAPE[:, 2] @ SHAPE[:, 2])
+    two = np.column_stack([SHAPE[:, 2] + 0.5 * rest, 0.5 * SHAPE[:, 2] - 1.0 * rest])
+    twice = state(split, [100.0, 220.0, 400.0, 400.4, 640.0], np.column_stack([SHAPE[:, :2], two, SHAPE[:, 3]]))
+    found = change([twice], [state("R")]) if split == "state" else change([state("S")], [state("R"), twice])
+    assert not found.changed
+    assert found.angle[2] < 0.03
+    assert found.angle_scatter[0] < 0.04  # the repeat does not raise what others scatter by
+
+
 def test_a_shape_that_turned_is_a_change():
     turned = SHAPE.copy()
     turned[:, 0] += 0.35 * SHAPE[:, 1]

@@ -18,6 +18,7 @@ from tests.independent.plate import Plate
 from updating.changes.candidate import lines
 from updating.changes.compare import _verdict
 from updating.changes.fields import Fields
+from updating.changes.joint import joint_errors
 from updating.changes.kinds import kinds
 from updating.changes.kinds.held_edges import held_edges
 from updating.changes.refined import Condensed
@@ -281,6 +282,27 @@ def test_what_the_reference_shares_cancels():
     rest, left, _ = conditional(np.array([3.0, 3.1]), covariance, np.array([False, True]))
     assert rest[0] == pytest.approx(0.1, abs=1e-3)
     assert left[0, 0] == pytest.approx(2e-4, rel=0.01)
+
+
+def test_two_roving_accelerometers_that_read_otherwise_are_no_change():
+    """One at each side of a plate, put back so that they differ by 3 % more than in the reference."""
+    own, made = fields(1, held=True, m=7)
+    square, vector = (part[..., :5] for part in la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta)))
+    sensor = (POINTS[:, 1] > 0.0).astype(int)
+    shape = (sensors_of(own) @ own.basis @ vector) * (1.0 + 0.03 * sensor)[:, None]
+    at, *_ = beside_reference(own, made, 1.002 * square, shape)
+    (errors,) = at.joint.errors
+    modal, n = errors.latent.modal, len(errors.eigenvalue)
+    state = State(
+        name="s", path=("s",), frequency=np.sqrt(errors.eigenvalue) / (2.0 * np.pi), frequency_std=np.full(n, 1e-5),
+        damping=np.full(n, np.nan), damping_std=np.zeros(n), shape=errors.latent.shape.T, shape_std=np.full(n, 1e-4),
+    )  # fmt: skip
+    misfit = []
+    for gain in (0.0, 0.02):
+        joint = joint_errors([state], [modal], [sensor], gain)
+        inverse = la.inv(joint.noise + 3e-3**2 * joint.own)
+        misfit.append(joint.value @ inverse @ joint.value)
+    assert misfit[1] < 0.2 * misfit[0]
 
 
 def a_kind(name, log_odds, explained=1.0):

@@ -79,6 +79,10 @@ class FittedReference(Protocol):
         """Its fit."""
 
     @property
+    def gain(self) -> float:
+        """Relative standard deviation of the gain of an accelerometer that roves."""
+
+    @property
     def still(self) -> float:
         """Motion of a mode at the sensors, over the median of all modes, below which no change shows it."""
 
@@ -109,6 +113,11 @@ class StackReference:
     tested: tuple[Campaigned, ...]
     model: StackModel
     fit: Explanation
+
+    @property
+    def gain(self) -> float:
+        """Relative standard deviation of the gain of an accelerometer that roves."""
+        return self.model.scatter.gain
 
     @property
     def still(self) -> float:
@@ -169,6 +178,11 @@ class MatricesReference:
     model: MatricesModel
     fit: Explanation
     still: float = 0.0
+
+    @property
+    def gain(self) -> float:
+        """Relative standard deviation of the gain of an accelerometer that roves."""
+        return self.model.scatter.gain
 
     def beside(self, changed: Sequence[Campaigned]) -> Beside:
         """Put a changed state beside it."""

@@ -16,6 +16,7 @@ from updating.changes.joint import Joint, joint_errors
 from updating.changes.reference import FittedReference
 from updating.changes.scan import Actions, Measured
 from updating.diagnosis.assembly import Campaigned
+from updating.diagnosis.stack_model import n_gain
 from updating.errors import FitError
 from updating.inference.discrepancy import STIFFNESS
 from updating.inference.protocol import Modal, State
@@ -61,7 +62,9 @@ class Situation:
         beside, self.n_reference = reference.beside(changed), len(reference.tested)
         pairs = [_distinct(state, modal) for state, modal in zip(beside.states, beside.modals, strict=True)]
         _require_modes([state for state, _ in pairs])
-        self.states, _, self.joint = _known(pairs, self.n_reference, reference.still)
+        sensor = [modes.sensor for _, _, modes in (*reference.tested, *changed)]
+        roving = (sensor, reference.gain) if n_gain(sensor) else ((), 0.0)
+        self.states, _, self.joint = _known(pairs, self.n_reference, reference.still, roving)
         _require_modes(self.states)
         every = np.concatenate([state.frequency for state in self.states])
         self.structure = beside.structure((float(every.min()), float(every.max())))
@@ -163,17 +166,21 @@ def _require_modes(states: Sequence[State]) -> None:
 
 
 def _known(
-    pairs: Sequence[tuple[State, Modal]], n_reference: int, still: float
+    pairs: Sequence[tuple[State, Modal]],
+    n_reference: int,
+    still: float,
+    roving: tuple[Sequence[NDArray[np.int64]], float],
 ) -> tuple[list[State], list[Modal], Joint]:
     """Return states without those modes of the changed one that the reference does not have.
 
     What the model is wrong by in a mode cancels only there. A resonator splits a mode in two, both of which are that
     one, or some of several: such a further mode counts as well, unless the model has one nearby that was not measured
     in the reference. A change may couple that to those which are seen, and it is then what shows; `still` is the motion
-    at the sensors below which nothing does, such as of a single plate in its plane.
+    at the sensors below which nothing does, such as of a single plate in its plane; `roving` is as `joint_errors` takes
+    it.
     """
     states, modals = [state for state, _ in pairs], [modal for _, modal in pairs]
-    joint = joint_errors(states, modals)
+    joint = joint_errors(states, modals, *roving)
     shorter = False
     for c in range(n_reference, len(states)):
         own = joint.errors[c]
@@ -188,7 +195,7 @@ def _known(
         if not keep.all():
             states[c], modals[c] = _only(states[c], modals[c], np.flatnonzero(keep))
             shorter = True
-    return states, modals, joint_errors(states, modals) if shorter else joint
+    return states, modals, joint_errors(states, modals, *roving) if shorter else joint
 
 
 def _within(weight: Vector, other: Vector) -> Vector:
