@@ -39,6 +39,8 @@ MOST_CELLS = 16
 """Cells of the coarse grid that are cut in nine, of each kind."""
 LEAST_SHARE = 5e-3
 """Probability of a cell, within its kind, from which that is done."""
+STANDS_OUT = 2.0
+"""The same over that of a cell where all are alike: where the location hardly matters a coarse grid is enough."""
 SURE = 0.8
 """Probability of a direction from which it is said."""
 WITHIN = 12.0
@@ -159,30 +161,42 @@ class _Tried:
 
 
 def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
-    """Return all candidates, more closely where they are likely: cells that hold most of it are cut in nine."""
+    """Return all candidates, more closely where they are likely: cells that stand out are cut in nine.
+
+    A kind that explains less than half of what another does is left as it is.
+    """
     actions, (place, step) = Actions(at.ours), at.structure.places()
     error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
     root = la.cholesky(covariance, lower=True, check_finite=False)
-    found = []
-    for kind in every:
-        own = kind.candidates(at.structure, place)
-        if not own.n:
+    coarse = [(kind, own) for kind in every if (own := kind.candidates(at.structure, place)).n]
+    batches = [_batch(kind, own, np.full(own.n, -np.log(own.n)), actions) for kind, own in coarse]
+    logs = [batch.weighed(error, root).log for batch in batches]
+    evidence = [float(scipy.special.logsumexp(log)) - np.log(log.size) for log in logs]
+    best, found = max(evidence), list[_Batch]()
+    for batch, log, own in zip(batches, logs, evidence, strict=True):
+        if not batch.kind.on_plan or own < min(best / 2.0, best - WITHIN):
+            found.append(batch)
             continue
-        batch = _batch(kind, own, np.full(own.n, -np.log(own.n)), actions)
-        if kind.on_plan:
-            log = batch.weighed(error, root).log
-            cell = scipy.special.logsumexp(log.reshape(-1, len(place)), axis=0)  # all of them for each size
-            cell = np.exp(cell - scipy.special.logsumexp(cell))
-            near = np.argsort(-cell)[:MOST_CELLS]
-            near = near[cell[near] > LEAST_SHARE]
-            keep = np.flatnonzero(~np.isin(own.cell, near))
-            closer = kind.candidates(at.structure, at.structure.finer(place[near], step))
-            far = np.full(keep.size, -np.log(own.n))
-            found.append(_Batch(kind, own.only(keep), far, batch.action[keep], batch.effect[keep]))
-            ratio = own.n / len(place) * len(near) / closer.n  # of the prior of a cell that each has
-            batch = _batch(kind, closer, np.full(closer.n, np.log(ratio / own.n)), actions)
-        found.append(batch)
+        cell = scipy.special.logsumexp(log.reshape(-1, len(place)), axis=0)  # all of them for each size
+        cell = np.exp(cell - scipy.special.logsumexp(cell))
+        near = np.argsort(-cell)[:MOST_CELLS]
+        near = near[cell[near] > max(LEAST_SHARE, STANDS_OUT / len(place))]
+        found += _closer(batch, near, at.structure.finer(place[near], step), at.structure, actions)
     return found
+
+
+def _closer(
+    batch: _Batch, near: NDArray[np.intp], finer: Vector, structure: Structure, actions: Actions
+) -> list[_Batch]:
+    """Return the candidates of a kind beyond some of the cells, and those at locations within these."""
+    kind, own = batch.kind, batch.candidates
+    if not near.size:
+        return [batch]
+    keep = np.flatnonzero(~np.isin(own.cell, near))
+    far = _Batch(kind, own.only(keep), batch.log_prior[keep], batch.action[keep], batch.effect[keep])
+    closer = kind.candidates(structure, finer)
+    share = own.n / len(np.unique(own.cell)) * len(near) / closer.n  # of the prior of a cell that each has
+    return [far, _batch(kind, closer, np.full(closer.n, np.log(share / own.n)), actions)]
 
 
 def _batch(kind: Kind, candidates: Candidates, log_prior: Vector, actions: Actions) -> _Batch:

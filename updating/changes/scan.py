@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from updating.changes.candidate import Candidates
@@ -54,7 +55,7 @@ class Actions:
         self.measured = measured
         # rows and weights are held so that their identity stays theirs
         self._at: dict[int, tuple[Vector, Vector]] = {}
-        self._weighted: dict[tuple[int, int], tuple[Part, Vector]] = {}
+        self._weighted: dict[tuple[int, int], tuple[Part, NDArray[np.intp], Vector]] = {}
 
     def at_points(self, part: Part) -> Vector:
         """Return the change of all errors by a unit of a part's square at each point, (n_point, n, m)."""
@@ -71,21 +72,23 @@ class Actions:
         n, m = self.measured.scale.shape
         total = np.zeros((candidates.n, n, m))
         for part in candidates.parts:
-            own = self._of_part(part).reshape(-1, n, m)
+            which, own = self._of_part(part)
+            own = own.reshape(-1, n, m)
             if part.target == "M":
                 own = -own * self.measured.eigenvalue[:, None]
             if part.resonance is not None:
-                own = own * apparent(self.measured.eigenvalue, part.resonance)[:, :, None]
-            total += part.sign * own
+                own = own * apparent(self.measured.eigenvalue, part.resonance[which])[:, :, None]
+            total[which] += part.sign * own
         return total
 
-    def _of_part(self, part: Part) -> Vector:
-        """Return the change of all errors by a part of each candidate as a stiffness, but for its sign."""
+    def _of_part(self, part: Part) -> tuple[NDArray[np.intp], Vector]:
+        """Return which candidates have any of a part, and how it changes all errors as a stiffness but for its sign."""
         key = id(part.rows), id(part.weight)
         if key not in self._weighted:
-            at = self.at_points(part)
-            self._weighted[key] = part, part.weight @ at.reshape(len(at), -1)
-        return self._weighted[key][1]
+            at, weight = self.at_points(part), sp.csr_array(part.weight)
+            which = np.flatnonzero(np.diff(weight.indptr))
+            self._weighted[key] = part, which, weight[which] @ at.reshape(len(at), -1)
+        return self._weighted[key][1:]
 
     def effect(self, action: Vector) -> Vector:
         """Return the root mean square relative change of eigenvalues by an amplitude of 1, (n_candidate,)."""

@@ -12,9 +12,10 @@ from updating.changes.candidate import Candidates, at_heights, bumps, crossed, p
 from updating.changes.fields import Fields, Layer, Vector
 from updating.changes.structure import Part
 
-RADII = np.array([0.05, 0.09, 0.16, 0.28, 0.5])
-"""Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole."""
-STRIPES = np.array([0.09, 0.16, 0.28])
+RADII = np.geomspace(0.05, 0.5, 9)
+"""Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole. They
+are a third apart: of a large change those at twice the size are off by more than assemblies scatter."""
+STRIPES = np.geomspace(0.09, 0.5, 6)
 """The same across stripes all along the plan, in both directions: an edge, or one side, may be what changed."""
 _FAR = 3.0
 """Largest amplitude: a patch that is all gone takes more from the stiffness than what it held, for strains concentrate

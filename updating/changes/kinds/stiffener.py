@@ -10,7 +10,7 @@ from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part, Structure
 
 _LENGTHS = np.array([0.25, 0.5, 1.0])  # over the root of the plan's area
-_ANGLES = np.pi * np.arange(4) / 4.0
+_ANGLES = np.pi * np.arange(8) / 8.0
 _THICK = np.array([0.2, 0.7, 2.5])  # of a strip of the same material, over the structure's thickness
 
 
