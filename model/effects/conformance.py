@@ -35,13 +35,13 @@ CLAMPED = Stack(
     length=0.4,
     width=0.06,
     height=0.06,
-    n_lamina=5,
+    n_lamina=4,
     material=Material(young=200e9, poisson=0.28, density=7650.0),
     contact=Contact(G_f=1500.0, d_f=1.5e-11, pressure=160e3, normal_modulus=1e9),
     clamps=tuple(Clamp(mass=1.5, x=x, y=0.0, footprint=(0.04, 0.05)) for x in (-0.1, 0.1)),
-    mesh=Mesh(n_x=5, n_y=2),
+    mesh=Mesh(n_x=4, n_y=2),
 )
-"""Five thick laminas with two clamps."""
+"""Four thick laminas with two clamps."""
 HELD = dataclasses.replace(CLAMPED, supports=(EdgeSupport(edge="left", across=np.inf, rotation=np.inf),))
 """The same, held at one end."""
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 from ema import ModalModel
 from model import catalogue
 from updating import read_result
+from updating.commands import demo
 from updating.commands import diagnose as command
 from updating.commands.command_line import app
 from updating.diagnosis.answer import Diagnosis
@@ -24,14 +26,30 @@ RIVALS = ("pressure_along", "clamp_inertia")
 """Effects that may do to modes what less pressure in the middle does: of the pressure, and of clamps."""
 
 
-@pytest.fixture(scope="module", params=["rivals", pytest.param("catalogue", marks=pytest.mark.slow)])
+def every_second_run(folder):
+    """Copy the shipped campaign with half of its runs, and a stack file with a coarser mesh."""
+    shutil.copytree(ROOT / "data/demo_diagnosis", folder)
+    file, sign = folder / "campaign.toml", "[[configuration.run]]"
+    states = [state.split(sign) for state in file.read_text(encoding="utf-8").split("[[configuration]]")]
+    file.write_text("[[configuration]]".join(sign.join([head, *runs[::2]]) for head, *runs in states), encoding="utf-8")
+    stack = (folder / "stack.toml").read_text(encoding="utf-8")
+    for fine, coarse in (("n_x = 18", "n_x = 12"), ("n_y = 4", "n_y = 2")):
+        assert fine in stack
+        stack = stack.replace(fine, coarse)
+    (folder / "stack.toml").write_text(stack, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture(scope="module", params=["quick", pytest.param("whole", marks=pytest.mark.slow)])
 def told(request, tables_alone, tmp_path_factory):
-    """What `lamella demo` prints, and its folder: with few effects, or in more time with the whole catalogue."""
+    """What `lamella demo` prints, and its folder: of half of the runs with few effects, or in more time of all."""
     folder, whole = tmp_path_factory.mktemp("story"), catalogue()
     with pytest.MonkeyPatch.context() as patch:
-        if request.param == "rivals":
+        if request.param == "quick":
             known = {name: whole[name] for name in ("lost_contact_middle", *RIVALS)}
             patch.setattr(command, "catalogue", lambda _: known)
+            shipped = every_second_run(folder / "data")
+            patch.setattr(demo, "shipped_data", lambda _: shipped)
         patch.chdir(ROOT)
         done = CliRunner().invoke(app, ["demo", "-o", str(folder)])
     assert done.exit_code == 0, done.output

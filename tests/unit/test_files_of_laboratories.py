@@ -357,7 +357,7 @@ def peak_of(run):
 
 def test_memory_of_large_universal_files(tmp_path):
     """A first campaign file needs headers alone; reading needs little more than the functions themselves."""
-    value = np.resize(VALUE, 40_000)
+    value = np.resize(VALUE, 12_000)
     write(tmp_path, *({"response node": n} for n in range(1, 41)), value=value)
     arrays = 40 * value.nbytes
     campaign_file = "".join(f"{n},{n},0,0\n" for n in range(5, 41))

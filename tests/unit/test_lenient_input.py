@@ -78,13 +78,13 @@ def test_one_is_written_without_brackets(campaign):
     assert files.input == ((2, (0.0, 0.0, -1.0)),)
 
 
-def test_trace_lines_by_the_hundred_thousand(campaign):
+def test_trace_lines_by_the_ten_thousand(campaign):
     """Each is drawn once, however often it is given, and all by one stroke."""
     found = read_campaign(campaign(points=f"lines = [[{'1, 2, ' * 50_000}]]\n"))
     assert found.geometry.line.tolist() == [[1, 2], [2, 1]]
     rng = np.random.default_rng(0)
     geometry = Geometry(
-        node=np.arange(300), coordinate=rng.normal(size=(300, 3)), line=rng.integers(300, size=(100_000, 2))
+        node=np.arange(300), coordinate=rng.normal(size=(300, 3)), line=rng.integers(300, size=(20_000, 2))
     )
     modes = SimpleNamespace(
         geometry=geometry, node=geometry.node, direction=np.tile([0.0, 0.0, 1.0], (300, 1)),
@@ -92,4 +92,4 @@ def test_trace_lines_by_the_hundred_thousand(campaign):
     )  # fmt: skip
     start = time.process_time()
     as_png(shape_figure(modes, 0))
-    assert time.process_time() - start < 20.0
+    assert time.process_time() - start < 4.0

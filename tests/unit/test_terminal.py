@@ -100,7 +100,7 @@ def test_tables_in_files_have_no_empty_cells(console):
 
 
 def test_work_says_in_a_pipe_what_it_is_at(monkeypatch, capsys):
-    monkeypatch.setenv(progress_module.PERIOD, "0.01")
+    monkeypatch.setenv(progress_module.PERIOD, "0.1")  # the least that is taken
     log = logging.getLogger("updating")
     with progress("diagnose", Console(file=io.StringIO())):
         log.info("weigh %d explanations", 7)
@@ -111,7 +111,7 @@ def test_work_says_in_a_pipe_what_it_is_at(monkeypatch, capsys):
         bar.advance(bar.task_ids[0])
         until_said(capsys, r"identify, 1 of 3 done \(\d+ s\)")
     with progress("quiet", Console(quiet=True)):
-        time.sleep(0.05)
+        time.sleep(0.25)
     assert capsys.readouterr().err == ""
 
 
