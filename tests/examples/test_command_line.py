@@ -66,11 +66,12 @@ def test_edited_poles_are_given_back(write_small_campaign, tmp_path, undrawn):
     assert second == pytest.approx(first[:-1], rel=1e-3)
 
 
-def test_model_prints_modes_and_draws_them(tmp_path):
-    done = lamella("model", "data/demo_stack/stack.toml", "-o", tmp_path, "-n", 3)
+def test_model_prints_modes_and_draws_them(write_small_campaign, tmp_path):
+    stack, out = write_small_campaign(tmp_path, 1).with_name("stack.toml"), tmp_path / "out"
+    done = lamella("model", stack, "-o", out, "-n", 3)
     assert done.returncode == 0, done.stderr
     assert "torsion 1" in done.stdout
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
+    assert sorted(p.name for p in out.iterdir()) == [
         "mode_01.png", "mode_02.png", "mode_03.png", "modes.json", "verification.json",
     ]  # fmt: skip
     assert "They are within the" in done.stdout

@@ -36,7 +36,7 @@ def test_the_same_files_in_two_configurations_are_named(results):
     assert not any("C1 and C2 share" in line for line in found)
 
 
-def test_they_are_printed_with_the_modes(small, results, monkeypatch, tmp_path):
+def test_they_are_printed_with_the_modes(small, results, monkeypatch, tmp_path, undrawn):
     campaign, out, shown = small[0], tmp_path / "out", io.StringIO()
     shutil.copytree(small[1], out)  # other tests share what is there
     monkeypatch.setattr(ema_command, "OUT", Console(file=shown, width=200))

@@ -1,6 +1,7 @@
 """A run that is stopped goes on where it stopped, and its results are those of a run that was not."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -55,12 +56,15 @@ def is_alive(group):
 
 
 @posix
-def test_a_fit_that_is_stopped_twice_goes_on_and_ends_with_the_same_bytes(small, written, tmp_path):
+def test_a_fit_that_is_stopped_three_times_goes_on_and_ends_with_the_same_bytes(small, written, tmp_path):
+    """By Ctrl-C, by SIGTERM, which the workbench and batch systems send, and killed."""
     campaign, whole = small
     out = tmp_path / "out"
-    code, said = stopped(["fit", campaign, "-o", out], out / "C1/fit.json", signal.SIGINT)
-    assert code == 130
-    assert "Interrupted; what was done is kept" in said
+    for name, how in (("C1", signal.SIGINT), ("C2", signal.SIGTERM)):
+        code, said = stopped(["fit", campaign, "-o", out], out / name / "fit.json", how)
+        assert code == 130
+        assert "Interrupted; what was done is kept" in said
+        assert not re.search("leaked|Traceback", said)
     kept = (out / "C1/fit.json").stat().st_mtime_ns
     code, _ = stopped(["fit", campaign, "-o", out], out / "C3/fit.json", signal.SIGKILL)
     assert code == -signal.SIGKILL
@@ -70,18 +74,6 @@ def test_a_fit_that_is_stopped_twice_goes_on_and_ends_with_the_same_bytes(small,
     assert (out / "C1/fit.json").stat().st_mtime_ns == kept
     assert len(written(whole)) == 21
     assert {**written(out), "campaign.json": b""} == {**written(whole), "campaign.json": b""}  # its path is relative
-
-
-@posix
-def test_a_fit_that_is_asked_to_end_ends_its_workers_and_keeps_what_it_reached(small, tmp_path):
-    """The workbench and batch systems send SIGTERM."""
-    out = tmp_path / "out"
-    code, said = stopped(["fit", small[0], "-o", out], out / "C1/fit.json", signal.SIGTERM)
-    assert code == 130
-    assert "Interrupted; what was done is kept" in said
-    assert "leaked" not in said
-    assert "Traceback" not in said
-    assert (out / "C1/fit.json").exists()
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from updating.report import page as page_module
 from updating.report.files import NAMES, print_pdf
 from updating.report.frf_part import frf_picture
 from updating.report.identified_model import Addition, identified_model
-from updating.report.modes_part import modes_section
+from updating.report.modes_part import modes_section, shape_section
 from updating.report.page import titles, write_report
 from updating.report.part import Gallery, Picture, Section, Table, of_model, packed, renderer
 from updating.report.results import read_results
@@ -132,16 +132,28 @@ MAP_HEIGHT = """async () => {  // of the first picture of where the model fails,
 SECONDS = 300.0  # a few are enough, but the machine may have other work
 
 
-@contextmanager
-def opened(**options):
-    """Open an empty page in a browser, as wide and in such colours as options of playwright say."""
+@pytest.fixture(scope="module")
+def browser():
+    """Start one browser for all tests: that takes longer than most of them."""
     sync = pytest.importorskip("playwright.sync_api", reason="no playwright, of the extra dev")
     with sync.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        started = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def opened(browser):
+    """Return a function that opens an empty page, as wide and in such colours as options of playwright say."""
+
+    @contextmanager
+    def new_page(**options):
         shown = browser.new_page(**options)
         shown.set_default_timeout(1000.0 * SECONDS)
         yield shown
-        browser.close()
+        shown.close()
+
+    return new_page
 
 
 class Listener(ThreadingHTTPServer):
@@ -174,23 +186,34 @@ class Told(BaseHTTPRequestHandler):
         pass
 
 
+def written_page(folder, whole):
+    """Write the report of a results folder that has all of one configuration, and of the others tables and shapes."""
+    drawn = page_module.configuration_section
+
+    def section(tested, name, added):
+        if tested.name == whole:
+            return drawn(tested, name, added)
+        return Section(
+            title=f"Configuration {tested.name}", parts=(modes_section(tested, added), shape_section(tested))
+        )
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page_module, "configuration_section", section)
+        return write_report(folder)
+
+
 @pytest.fixture(scope="module")
 def page(demo):
-    return write_report(demo[0])
+    return written_page(demo[0], "M1")
 
 
 @pytest.fixture(scope="module")
 def small_page(small, tmp_path_factory):
-    """The report of the small campaign, whose charts have few points; but of C1, it has the tables alone."""
+    """The report of the small campaign, whose charts have few points, of which two configurations are done."""
     folder = shutil.copytree(small[0].parent, tmp_path_factory.mktemp("small_page") / "campaign")
-    drawn = page_module.configuration_section
-
-    def section(tested, name, added):
-        return drawn(tested, name, added) if tested.name == "C1" else modes_section(tested, added)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page_module, "configuration_section", section)
-        return write_report(folder / "out")
+    for name in ("C3", "C4"):
+        shutil.rmtree(folder / "out" / name)
+    return written_page(folder / "out", "C1")
 
 
 @needs_browser
@@ -215,7 +238,7 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
     assert out["requests"] == []
     for what in ("drawn", "moves", "pauses", "turns", "returns", "otherMode", "beside", "anchors", "chosen", "wide"):
         assert out[what], what
-    assert out["charts"] >= 7  # of each configuration MAC, functions and stabilisation, and the modes of both
+    assert out["charts"] >= 4  # MAC, functions and stabilisation, and the modes of both configurations
     assert out["functions"] == 44
     assert out["unseen"]  # what is not on the screen is not drawn
     up, down = (np.array(cells, dtype=float) for cells in out["frequencies"])
@@ -245,11 +268,11 @@ def test_every_figure_is_a_file_with_its_numbers(page):
     folder = page.parent / "figures"
     pictures = [file for file in folder.iterdir() if file.suffix != ".csv"]
     names = {file.stem for file in pictures}
-    for tested in read_results(page.parent).tested:
-        for kind in ("mac", "comac", "frf", "stabilization", "objective"):
-            assert f"{kind}_{tested.name}" in names
-        for r in range(tested.measured.frequency.size):
-            assert f"shape_{tested.name}_{r + 1:02d}" in names
+    tested = read_results(page.parent).tested[0]
+    for kind in ("mac", "comac", "frf", "stabilization", "objective"):
+        assert f"{kind}_M1" in names
+    for r in range(tested.measured.frequency.size):
+        assert f"shape_M1_{r + 1:02d}" in names
     assert len({file.suffix for file in folder.iterdir()}) == 3
     for picture in pictures:
         content = picture.read_bytes()
@@ -328,7 +351,7 @@ def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
 @pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
+def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme, opened):
     with opened(viewport={"width": 400, "height": 900}, color_scheme=scheme) as shown:
         shown.goto(page.as_uri())
         assert shown.evaluate("document.documentElement.scrollWidth") <= 400
@@ -357,31 +380,30 @@ def test_on_a_phone_nothing_is_cut_and_the_dark_is_dark(page, scheme):
 
 
 @needs_browser
-def test_a_page_that_nobody_touches_rests_and_goes_on_when_it_is_touched():
+def test_a_page_that_nobody_touches_rests_and_goes_on_when_it_is_touched(opened):
     """What asks for the next frame for ever, as charts in 3-D do, gets few of them then."""
     script = (files("updating.report") / "rest.js").read_text(encoding="utf-8")
     assert "REST = 20_000" in script
-    count = """async (stir) => {  // frames of a second and a half, once it may rest
+    count = """async (stir) => {  // frames of a second, once it may rest
         let n = 0;
         const loop = () => { n += 1; requestAnimationFrame(loop); };
         loop();
         await new Promise((done) => setTimeout(done, 300));
         n = 0;
-        for (let i = 0; i < 30; i++) {
+        for (let i = 0; i < 20; i++) {
             if (stir) dispatchEvent(new Event("pointermove"));
             await new Promise((done) => setTimeout(done, 50));
         }
         return n;
     }"""
-    with opened() as first:
-        for rest, stir, goes_on in ((200, False, False), (200, True, True), (20_000, False, True)):
-            shown = first.context.browser.new_page()
+    for rest, stir, goes_on in ((200, False, False), (200, True, True), (20_000, False, True)):
+        with opened() as shown:
             shown.set_content(f"<script>{script.replace('20_000', str(rest))}</script>")
-            assert (shown.evaluate(count, stir) > 5) == goes_on  # of some 90, or one a second
+            assert (shown.evaluate(count, stir) > 5) == goes_on  # of some 60, or one a second
 
 
 @needs_browser
-def test_on_a_phone_parts_are_folded_and_open_by_tap_link_and_all_at_once(small_page):
+def test_on_a_phone_parts_are_folded_and_open_by_tap_link_and_all_at_once(small_page, opened):
     hidden = """[...document.querySelectorAll("main section:not(#answer)")].filter((e) =>
       [...e.children].slice(1).every((c) => !c.getClientRects().length)).map((e) => e.id)"""
     with opened(viewport={"width": 400, "height": 900}) as shown:
@@ -412,7 +434,7 @@ def test_on_a_phone_parts_are_folded_and_open_by_tap_link_and_all_at_once(small_
 
 @needs_browser
 @pytest.mark.parametrize("dark_and_small", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_who_cannot_see_or_point_reads_the_report_too(small_page, dark_and_small):
+def test_who_cannot_see_or_point_reads_the_report_too(small_page, dark_and_small, opened):
     """On a screen; in dark colours and on a phone in more time."""
     with opened(viewport={"width": 1400, "height": 900}, reduced_motion="reduce") as shown:
         shown.goto(small_page.as_uri())
@@ -475,16 +497,16 @@ def test_the_page_is_small_and_says_what_the_results_say(page):
     assert "Nothing to locate" in text
 
 
-def test_the_shapes_of_one_configuration_open_in_the_browser(demo, tmp_path, monkeypatch):
-    folder = shutil.copytree(demo[0], tmp_path / "out", ignore=shutil.ignore_patterns("figures", "report.*"))
+def test_the_shapes_of_one_configuration_open_in_the_browser(small, tmp_path, monkeypatch):
+    folder = shutil.copytree(small[1], tmp_path / "out", ignore=shutil.ignore_patterns("figures", "report.*"))
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
-    view_command(folder, "M2")
+    view_command(folder, "C2")
     assert opened == [(folder / "view.html").as_uri()]
     headings = re.findall(r"<h2>(.*?)</h2>", (folder / "view.html").read_text(encoding="utf-8"))
-    assert headings == ["Mode shapes of M2", "FRFs of M2"]
-    with pytest.raises(StoreError, match="no configuration 'M3'; there are M1, M2"):
-        view_command(folder, "M3")
+    assert headings == ["Mode shapes of C2", "FRFs of C2"]
+    with pytest.raises(StoreError, match="no configuration 'C9'; there are C1, C2, C3, C4"):
+        view_command(folder, "C9")
 
 
 def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tmp_path, monkeypatch):
@@ -504,7 +526,7 @@ def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tm
 
 
 @needs_browser
-def test_the_switch_shows_one_of_two_models_and_the_found_one_first(tmp_path):
+def test_the_switch_shows_one_of_two_models_and_the_found_one_first(tmp_path, opened):
     tables = [Table(title=name, header=("h",), rows=((name,),)) for name in ("with it", "base")]
     blocks = (*of_model(tables[:1], "found"), *of_model(tables[1:], "base"))
     (tmp_path / "page.html").write_text(

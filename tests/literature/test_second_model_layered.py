@@ -15,7 +15,7 @@ SHAKER = tuple(nominal_points(STATED)[-1])
 N_RIGID, N_MODE = 6, 18
 
 
-@pytest.mark.parametrize("pressure", [160e3, 320e3])
+@pytest.mark.parametrize("pressure", [160e3, pytest.param(320e3, marks=pytest.mark.slow)])
 def test_modes_in_the_band_of_the_study_are_those_of_lamella(pressure):
     stack = model.read_stack(STACK).with_contact(pressure=pressure)
     place = nominal_points(STATED)[:-1]

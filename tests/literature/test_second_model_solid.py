@@ -41,7 +41,7 @@ def with_(key, **values):
     return COARSE.modes(bench(planted={key: values}), 16)
 
 
-@pytest.mark.parametrize("pressure", [160e3, 320e3])
+@pytest.mark.parametrize("pressure", [160e3, pytest.param(320e3, marks=pytest.mark.slow)])
 def test_first_ten_modes_are_those_of_lamella(pressure):
     stack = model.read_stack(STACK).with_contact(pressure=pressure)
     place = nominal_points(STATED)[:-1]

@@ -32,20 +32,20 @@ def coarse(tmp_path_factory):
     folder = tmp_path_factory.mktemp("coarse")
     shutil.copytree(SPECIFICATION.parent, folder, ignore=shutil.ignore_patterns("M*"), dirs_exist_ok=True)
     stack = (folder / "stack.toml").read_text(encoding="utf-8")
-    for fine, rough in (("n_x = 18", "n_x = 10"), ("n_y = 4", "n_y = 2"), ("n_lamina = 240", "n_lamina = 60")):
+    for fine, rough in (("n_x = 18", "n_x = 8"), ("n_y = 4", "n_y = 2"), ("n_lamina = 240", "n_lamina = 60")):
         assert fine in stack
         stack = stack.replace(fine, rough)
     (folder / "stack.toml").write_text(stack, encoding="utf-8")
     test = SPECIFICATION.read_text(encoding="utf-8")
     assert "mesh = [24, 6]" in test
-    (folder / SPECIFICATION.name).write_text(test.replace("mesh = [24, 6]", "mesh = [14, 3]"), encoding="utf-8")
+    (folder / SPECIFICATION.name).write_text(test.replace("mesh = [24, 6]", "mesh = [12, 3]"), encoding="utf-8")
     return folder / SPECIFICATION.name
 
 
 @pytest.fixture(scope="module")
 def quick(coarse, catalogue):
-    """The candidates of the coarse test."""
-    return candidates_of(coarse, catalogue)
+    """The candidates of the coarse test; a loss factor, which moves no frequency, is left out."""
+    return candidates_of(coarse, {name: effect for name, effect in catalogue.items() if name != "contact_loss"})
 
 
 def diagnosed(candidates, effects, values, seed, specification=SPECIFICATION):

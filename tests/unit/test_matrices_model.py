@@ -86,9 +86,9 @@ def test_nothing_is_missing_where_nothing_is(structure, measured):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        pytest.param("mass_at_corner", 0.04, marks=pytest.mark.slow),  # `lamella diagnose` finds that of the example
+        pytest.param("mass_at_corner", 0.04, marks=pytest.mark.slow),  # `lamella diagnose` finds such a one
         ("spring_at_other_corner_z", 2e4),
-        ("tip_mass", 0.5),
+        pytest.param("tip_mass", 0.5, marks=pytest.mark.slow),
     ],
 )
 def test_what_is_hidden_is_found(structure, measured, name, value):
