@@ -42,7 +42,8 @@ def mac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
         The shapes have different numbers of DOFs, or a shape is zero.
     """
     first, second = _shapes("a", a), _shapes("b", b)
-    _same_dofs(first, second)
+    if first.shape[0] != second.shape[0]:
+        raise ValueError(f"shapes to compare need the same DOFs: got {first.shape[0]} and {second.shape[0]}")
     cross = np.abs(first.conj().T @ second) ** 2
     return cross / np.outer(_squares("a", first), _squares("b", second))
 
@@ -141,11 +142,6 @@ def _shapes(name: str, shape: ArrayLike) -> NDArray[Any]:
     if array.ndim != 2:
         raise ValueError(f"{name}: shapes are columns of a (n_dof, n_mode) array, got {array.ndim} dimension(s)")
     return array
-
-
-def _same_dofs(a: NDArray[Any], b: NDArray[Any]) -> None:
-    if a.shape[0] != b.shape[0]:
-        raise ValueError(f"shapes to compare need the same DOFs: got {a.shape[0]} and {b.shape[0]}")
 
 
 def _squares(name: str, shape: NDArray[Any]) -> NDArray[np.float64]:

@@ -446,7 +446,8 @@ class _Problem:
             ((here * ratio - modes.shape[rows]) / self.rough_shapes(rows)).reshape(len(x), -1),
         ]
         if modes.drive_run == k:
-            off.append((there - modes.drive) / np.hypot(self.rough_shape, _or_zero(modes.drive_std)))
+            std = 0.0 if modes.drive_std is None else modes.drive_std
+            off.append((there - modes.drive) / np.hypot(self.rough_shape, std))
         return np.concatenate(off, axis=1)
 
     def jacobian(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -463,10 +464,6 @@ class _Problem:
             matrix[block, concerned] = (self._run(k, moved[concerned]) - misfit[block]).T
         matrix[rows[-1] :] = (self._prior(moved) - misfit[rows[-1] :]).T
         return np.asarray(matrix / (difference * self.size))
-
-
-def _or_zero(std: NDArray[np.float64] | None) -> NDArray[np.float64] | float:
-    return 0.0 if std is None else std
 
 
 def _off(problem: _Problem, misfit: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -215,13 +215,14 @@ def run_states(
     parts = (np.flatnonzero(~of_second), np.flatnonzero(of_second))
     if min(part.size for part in parts) < 2:
         return  # one odd run shares nothing with the others, which `unshared` says of its channels
-    within = min(_mean_of_others(alike[np.ix_(part, part)]) for part in parts)
+    others = ~np.eye(len(alike), dtype=bool)
+    within = min(float(alike[np.outer(part, part) & others].mean()) for part in (~of_second, of_second))
     between = float(alike[np.ix_(*parts)].mean())
     if within < _WITHIN or between > _BETWEEN:
         return
     large, small = sorted(parts, key=lambda part: (-part.size, part[0]))
     states = " and ".join(
-        f"runs {_listed(number[part])} (from {_source(frf, int(number[part[0]]))}) with peaks "
+        f"runs {_listed(number[part])} (from {frf.source[int(np.argmax(frf.run == number[part[0]]))]}) with peaks "
         f"at {_peaks(resonances, part)}"
         for part in (large, small)
     )
@@ -261,19 +262,10 @@ def _alike(one: NDArray[np.float64], other: NDArray[np.float64], near: float, *,
     return float(close.any(axis=1).sum() + close.any(axis=0).sum()) / (one.size + other.size)
 
 
-def _mean_of_others(alike: NDArray[np.float64]) -> float:
-    """Return the mean likeness of different runs."""
-    return float(alike[~np.eye(len(alike), dtype=bool)].mean())
-
-
 def _listed(runs: NDArray[np.int64]) -> str:
     """Return numbers of runs, from 1, those in a row as a range."""
     rows = np.split(runs, np.flatnonzero(np.diff(runs) > 1) + 1)
     return ", ".join(f"{r[0] + 1}" if r.size == 1 else f"{r[0] + 1} to {r[-1] + 1}" for r in rows)
-
-
-def _source(frf: FRF, run: int) -> str:
-    return frf.source[int(np.flatnonzero(frf.run == run)[0])]
 
 
 def _peaks(resonances: list[NDArray[np.float64]], part: NDArray[np.intp]) -> str:

@@ -51,11 +51,6 @@ FITTED = ("support_compliance",)
 """Effects that the model of a reference has in any case where the structure can: no edge is held rigidly."""
 
 
-def _model_inputs(file: Path) -> tuple[Path, ...]:
-    """Return a stack or structure file and those that it names."""
-    return matrices_inputs(file) if is_structure_file(file) else stack_inputs(file)
-
-
 def changed_names(campaign: Campaign) -> frozenset[str]:
     """Return the configurations that have a reference, and those that repeat them."""
     names = [c.name for c in campaign.configurations if c.compare_to]
@@ -94,7 +89,9 @@ def diagnose_changes(
     models = _Models(campaign, tests, None if scatter_file is None else read_scatter(scatter_file))
     stated = () if scatter_file is None else (scatter_file,)
     answers = []
-    inputs = (campaign_file, *_model_inputs(campaign.stack), *stated)
+    stack_file = campaign.stack
+    named = matrices_inputs(stack_file) if is_structure_file(stack_file) else stack_inputs(stack_file)
+    inputs = (campaign_file, *named, *stated)
     for change in changes:
         console.print(f"{change_sentence(change)}.")
         try:

@@ -77,7 +77,8 @@ def print_pooled(diagnosis: PooledDiagnosis, output: Path, console: Console) -> 
     """Print the answer, the explanations and the specimens."""
     print_lines(console, diagnosis.sentences, indent="")
     console.print(pooled_table(diagnosis))
-    console.print(specimen_table(diagnosis))
+    rows = map(specimen_row, diagnosis.specimens)
+    console.print(table_of("Specimens", SPECIMEN_HEADER, rows, words=range(len(SPECIMEN_HEADER))))
     print_results(console, output)
 
 
@@ -101,9 +102,3 @@ def pooled_table(diagnosis: PooledDiagnosis) -> Table:
         "torque\nleft out\n[%]",
     )
     return table_of("Explanations", header, rows, words=(0,))
-
-
-def specimen_table(diagnosis: PooledDiagnosis) -> Table:
-    """Return all specimens with their contact parameters and errors."""
-    rows = map(specimen_row, diagnosis.specimens)
-    return table_of("Specimens", SPECIMEN_HEADER, rows, words=range(len(SPECIMEN_HEADER)))

@@ -164,13 +164,9 @@ def cross_orthogonality(a: ArrayLike, b: ArrayLike, mass: ArrayLike) -> NDArray[
     """
     first, second, matrix = np.asarray(a), np.asarray(b), np.asarray(mass)
     product = matrix @ second
-    length_a = np.sqrt(_modal_mass(first, matrix))
+    length_a = np.sqrt(np.sum(first.conj() * (matrix @ first), axis=0).real)
     length_b = np.sqrt(np.sum(second.conj() * product, axis=0).real)
     return np.abs(first.conj().T @ product) / np.outer(length_a, length_b)
-
-
-def _modal_mass(vectors: NDArray[Any], mass: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.sum(vectors.conj() * (mass @ vectors), axis=0).real
 
 
 N_STATION, N_ROW = 41, 3

@@ -94,7 +94,8 @@ def energy_by_region(system: ReducedSystem, displacement: Vector, theta: Mapping
     (n, n_kind, n_x, n_y, n_z) float
     """
     points = _Points(system, where)
-    scale = _scales(system, theta)
+    factor = {term.name: term.factor for term in system.assembly.terms}
+    scale = {kind: factor[TERM[kind]](theta) / factor[TERM[kind]](system.theta) for kind in ENERGY_KINDS}
     shear, normal = _contact_moduli(system.stack, points.location)
     found = np.zeros((displacement.shape[1], len(ENERGY_KINDS), *where.shape))
     for i, x in enumerate(displacement.T):
@@ -140,12 +141,6 @@ class _Points:
 
 def _bin(value: Vector, edges: Vector) -> NDArray[np.intp]:
     return np.clip(np.searchsorted(edges, value, side="right") - 1, 0, edges.size - 2)
-
-
-def _scales(system: ReducedSystem, theta: Mapping[str, float]) -> dict[str, float]:
-    """Return by how much the factor of each kind's term differs from the stack's own."""
-    factor = {term.name: term.factor for term in system.assembly.terms}
-    return {kind: factor[TERM[kind]](theta) / factor[TERM[kind]](system.theta) for kind in ENERGY_KINDS}
 
 
 def _contact_moduli(stack: Stack, location: Vector) -> tuple[Vector, Vector]:

@@ -214,7 +214,7 @@ def mode_picture(modes: Sequence[ModeChange], width: Literal["half", "full"] = "
 
 def mode_chart(modes: Sequence[ModeChange]) -> Chart:
     """Return the frequency errors of the modes, before and after, as bars."""
-    labels = [_mode_name(m) for m in modes]
+    labels = [f"{m.mode}: {frequency_text(m.frequency, 0)} Hz" for m in modes]
     traces = [
         {
             "type": "bar", "name": name, "x": [[m.configuration for m in modes], labels],
@@ -239,10 +239,6 @@ def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
         ("before", "base model", palette.BASE),
         *([("after", "with what was identified", palette.FOUND)] if after else []),
     ]
-
-
-def _mode_name(change: ModeChange) -> str:
-    return f"{change.mode}: {frequency_text(change.frequency, 0)} Hz"
 
 
 def _bar_names(way: Sequence[Step]) -> list[str]:

@@ -185,9 +185,9 @@ def interval_table(results: Results) -> Table:
         for t in results.tested
         for e in _estimates(t)
     ]
-    rows += [
-        _moved_row(t.name, moved, at_bound=at_bound) for t in results.tested for moved, at_bound in _matrices_moved(t)
-    ]
+    for t in results.tested:
+        if (fit := t.matrices_fit) is not None:
+            rows += [_moved_row(t.name, moved, at_bound=moved.name in fit.at_bound) for moved in fit.moved]
     rows += [
         _row(f"all, {model_name(entry)}", p, (p.lower, p.upper), p.remark)
         for entry in results.ledger
@@ -211,12 +211,6 @@ def _row(
     if estimate.at_bound:
         return fitted_to, estimate.name, unit, f"{estimate.value:.4g}", "", "", remark
     return fitted_to, estimate.name, unit, *ends(estimate.value, *interval), remark
-
-
-def _matrices_moved(tested: Tested) -> list[tuple[Moved, bool]]:
-    """Return what a fit of matrices moved, each with whether it ended at a bound; nothing for a fit of a stack."""
-    fit = tested.matrices_fit
-    return [] if fit is None else [(moved, moved.name in fit.at_bound) for moved in fit.moved]
 
 
 def _moved_row(fitted_to: str, moved: Moved, *, at_bound: bool) -> tuple[str, ...]:

@@ -34,10 +34,11 @@ def result_table(results: Results) -> Table:
     """List versions and options of every result, and a digest over all of its inputs; equal ones together."""
     files: dict[tuple[str, str, str], list[str]] = {}
     for file, origin in results.origin.items():
+        digests = [digest for _, digest in sorted(origin["inputs"].items())]
         row = (
             ", ".join(f"{name} {number}" for name, number in origin["versions"].items()),
             ", ".join(f"{name} = {value}" for name, value in origin["options"].items()) or "none",
-            f"{len(origin['inputs'])}, all: {_digest(origin['inputs'])}",
+            f"{len(origin['inputs'])}, all: {hashlib.sha256(''.join(digests).encode()).hexdigest()[:16]}",
         )
         files.setdefault(row, []).append(file)
     rows = tuple(
@@ -61,11 +62,6 @@ def input_table(results: Results) -> Table:
         note="Files of the same name are of different configurations.",
         folded=True,
     )
-
-
-def _digest(inputs: dict[str, str]) -> str:
-    """First digits of the digest over the digests of all files."""
-    return hashlib.sha256("".join(inputs[name] for name in sorted(inputs)).encode()).hexdigest()[:16]
 
 
 MOST_TOGETHER = 8

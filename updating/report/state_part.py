@@ -188,16 +188,12 @@ def beside_section(tested: Tested, change: Change, reference: Tested) -> Section
         The first configuration of its reference.
     """
     title = f"{tested.name} beside {reference.name}"
-    if not same_points(tested.measured, reference.measured):
+    here, there = tested.measured, reference.measured
+    if not (np.array_equal(here.node, there.node) and np.allclose(here.direction, there.direction)):
         return Section(title=title, text=("They were measured at other points: shapes are not laid over each other.",))
     functions = functions_picture(tested, reference)
     shapes = shapes_beside(tested, change, reference)
     return Section(title=title, blocks=tuple(block for block in (functions, shapes) if block is not None))
-
-
-def same_points(state: ModalModel, reference: ModalModel) -> bool:
-    """Tell whether two states were measured at the same points in the same directions, in one order."""
-    return np.array_equal(state.node, reference.node) and np.allclose(state.direction, reference.direction)
 
 
 def shape_pairs_beside(measured: ModalModel, change: Change, reference: ModalModel) -> tuple[ShapePair, ...]:

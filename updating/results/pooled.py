@@ -357,7 +357,7 @@ def _cannot_tell(diagnosis: PooledDiagnosis) -> str:
     """Say which explanations the data do not separate, in effect or in level; name common terms once."""
     best, others = diagnosis.ranking[0], diagnosis.ranking[1 : diagnosis.left]
     what = "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
-    common = [part for part in best.parts if all(_is_in(part, explanation) for explanation in others)]
+    common = [part for part in best.parts if all(any(_is_same(part, own) for own in o.parts) for o in others)]
     listed = "; or ".join(_beside(common, explanation) for explanation in others[:_LISTED])
     more = f"; or {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     where = f"beside {' and '.join(map(_named, common))} " if common else ""
@@ -368,10 +368,6 @@ def _beside(common: Sequence[Part], explanation: PooledRanked) -> str:
     """Return in words the terms of an explanation that are not common to all."""
     rest = [part for part in explanation.parts if not any(_is_same(part, shared) for shared in common)]
     return " together with ".join(f"{_named(part)}, {_whose(part)}" for part in rest) or "nothing more"
-
-
-def _is_in(part: Part, explanation: PooledRanked) -> bool:
-    return any(_is_same(part, candidate) for candidate in explanation.parts)
 
 
 def _is_same(first: Part, second: Part) -> bool:

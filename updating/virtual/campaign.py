@@ -345,15 +345,11 @@ def _sensors(specimen: Specimen) -> Observation:
     )
 
 
-def _driving_point(specimen: Specimen) -> Observation:
-    """All translations of the driving point."""
-    at = specimen.shaker
-    return Observation(node=np.repeat(at.node, 3), location=np.repeat(at.location, 3, axis=0), direction=np.eye(3))
-
-
 def _with_shaker(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> Dynamics:
     """Return the equations of motion with the shaker's moving parts."""
-    rows = model.observe(system, _driving_point(specimen)).reduced_rows
+    at = specimen.shaker
+    driven = Observation(node=np.repeat(at.node, 3), location=np.repeat(at.location, 3, axis=0), direction=np.eye(3))
+    rows = model.observe(system, driven).reduced_rows
     of = dynamics(system, system.theta)
     return of.with_parts(rows, test.force_cell_mass).with_parts(rows[:2], 0.0, test.stinger_stiffness)
 
@@ -530,6 +526,7 @@ unit = "mm"
 lines = [{lines}]            # trace lines, for drawing
 """
     csv = test.file_format == "csv"
+    what = "one universal file a run: two roving accelerometers over the shaker's force"
     return (
         head
         + (_table_section(test) if csv else "")
@@ -540,15 +537,10 @@ name = "{c.name}"
 torque_Nm = {c.torque:g}
 pressure_kPa = {c.pressure / 1e3:g}
 """
-            + (_run_tables(c.name, simulated[c.name][0]) if csv else _file_list(c.name))
+            + (_run_tables(c.name, simulated[c.name][0]) if csv else f'files = ["{c.name}/run_*.uff"]   # {what}\n')
             for c in test.configurations
         )
     )
-
-
-def _file_list(name: str) -> str:
-    what = "one universal file a run: two roving accelerometers over the shaker's force"
-    return f'files = ["{name}/run_*.uff"]   # {what}\n'
 
 
 def _table_section(test: VirtualTest) -> str:

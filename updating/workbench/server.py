@@ -23,12 +23,6 @@ from updating.workbench.opened import Opened
 HOST = "127.0.0.1"
 
 
-def new_token() -> str:
-    """Return a token that nobody can guess."""
-    n_byte = 24  # of chance
-    return secrets.token_urlsafe(n_byte)
-
-
 def address(token: str, port: int) -> str:
     """Return the address of the page, with the token."""
     place = f"{HOST}:{port}"
@@ -119,7 +113,7 @@ def serve(opened: Opened, *, port: int, ready: Callable[[str], None], show: bool
         Nothing was identified.
     """
     server = page(opened)
-    token = new_token()
+    token = secrets.token_urlsafe(24)  # bytes of chance
 
     @server.controller.add("on_server_bind")
     def protect(web: Any) -> None:
