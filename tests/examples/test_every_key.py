@@ -148,6 +148,26 @@ shape = 0.03
 band_Hz = [60, 240]
 order = 8
 """
+CAMPAIGN_BELOW = f"""
+[campaign]
+name = "functions below each other"
+{POINTS}
+[measurement]
+unit = "(m/s2)/N"
+[measurement.table]
+layout = "real-imaginary"
+output_columns = [1]
+input_columns = [2]
+direction = "+z"
+axis_column = 3
+columns = [[4, 5]]
+[[configuration]]
+name = "M1"
+files = ["below.csv"]
+[identification]
+band_Hz = [60, 240]
+order = 8
+"""
 CAMPAIGN_TIME = f"""
 [campaign]
 name = "keys"
@@ -485,6 +505,7 @@ class Used:
 FILES = {
     "table": Used(CampaignFile, CAMPAIGN_TABLE, "ema"),
     "changed states": Used(CampaignFile, CAMPAIGN_STATES, "ema"),
+    "functions below each other": Used(CampaignFile, CAMPAIGN_BELOW, "ema"),
     "time histories": Used(CampaignFile, CAMPAIGN_TIME, "ema"),
     "arrays of histories": Used(CampaignFile, CAMPAIGN_ARRAYS, "ema"),
     "files side by side": Used(CampaignFile, CAMPAIGN_BESIDE, "ema"),
@@ -600,6 +621,8 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "points.csv").write_text("\n".join(["node,x,y,z", *rows]))
     own = [FREQUENCY, *(part for v in value for part in (v.real, v.imag))]
     np.savetxt(tmp_path / "set.csv", np.column_stack(own), delimiter=",")
+    below = [(n, 1, f, h.real, h.imag) for n, v in enumerate(value, 1) for f, h in zip(FREQUENCY, v, strict=True)]
+    np.savetxt(tmp_path / "below.csv", below, delimiter=",", fmt=["%d", "%d", "%.9g", "%.9g", "%.9g"])
     own = [FREQUENCY, *(p for v in value for p in (20 * np.log10(abs(v)), np.angle(v))), 0.99 + 0 * FREQUENCY]
     text = "\n".join(";".join(f"{x:.9g}" for x in row).replace(".", ",") for row in np.column_stack(own))
     (tmp_path / "set.txt").write_text(f"größte Zeile\n{text}\n", encoding="latin-1")
