@@ -144,6 +144,13 @@ def test_every_document_says_what_it_is_and_where_it_comes_from(results):
         assert document["provenance"]["inputs"]
 
 
+def dotted(node):
+    """Return a name and what is asked of it as they stand; of what is asked of anything else, that alone."""
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
 def test_no_code_comes_from_a_file():
     """Pickles are read from the pipe of a process that asks, nowhere else; arrays are read without objects."""
     found = set()
@@ -152,7 +159,7 @@ def test_no_code_comes_from_a_file():
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute | ast.Name):
                     continue
-                name = ast.unparse(node.func)
+                name = dotted(node.func)
                 if name == "np.load":
                     assert any(k.arg == "allow_pickle" and ast.unparse(k.value) == "False" for k in node.keywords)
                 elif name.split(".")[0] in ("pickle", "cloudpickle", "joblib", "shelve", "marshal", "dill") or name in (

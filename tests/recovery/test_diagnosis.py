@@ -92,6 +92,7 @@ def test_clamps_that_a_file_has_too_heavy_are_no_physical_effect(candidates, cat
     assert found.sentences[0].startswith("Not the model but the measurement: clamps that are lighter than stated")
 
 
+@pytest.mark.slow  # `tests/unit/test_unlisted.py` asks it of a chain of masses
 def test_an_effect_that_is_not_in_the_catalogue_is_not_given_a_name_with_confidence(quick, coarse, catalogue):
     offered = replace(quick, effects={k: v for k, v in quick.effects.items() if k != "contact_direction"})
     found = diagnosed(offered, (catalogue["contact_direction"],), {"G_yz_ratio": 0.6}, 13, coarse)
