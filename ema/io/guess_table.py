@@ -227,10 +227,10 @@ def not_understood(path: Path) -> str:
     )
 
 
-def _no_table(path: Path, *, most_shown: int = 60) -> str:
+def _no_table(path: Path, *, most_shown: int = 60, looked_at: int = 200) -> str:
     """Return in words why a text file holds no table of numbers, with a row from its middle.
 
-    `most_shown`: characters of the row.
+    `most_shown`: characters of the row; `looked_at`: rows in which numbers are counted.
     """
     lacking = "no rows of two or more columns of numbers"
     try:
@@ -245,7 +245,7 @@ def _no_table(path: Path, *, most_shown: int = 60) -> str:
     numbers = [cells for d in DELIMITERS for cells in (row.split(SEPARATORS[d])[1:],) if len(cells) >= FEWEST_ROWS]
     if any(all(map(is_number, cells)) for cells in numbers):
         return f"{lacking}: each row holds a function behind its name; write functions in columns, frequencies first"
-    counts = [sum(len(n or ()) > 1 for n in (numbers_of(r, d, ".") for r in rows)) for d in DELIMITERS]
+    counts = [sum(len(n or ()) > 1 for n in (numbers_of(r, d, ".") for r in rows[:looked_at])) for d in DELIMITERS]
     if 0 < max(counts) < FEWEST_ROWS:
         return (
             f"only {max(counts)} rows of two or more numbers, too few for a measured function; modes of another "
