@@ -222,3 +222,23 @@ def test_why_a_table_is_no_measurement(tmp_path, text, said):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(CampaignError, match=said):
         draft(tmp_path)
+
+
+def test_a_title_of_two_dofs_and_decibels_of_a_unit(tmp_path):
+    for p in range(3):
+        rows = zip(F, 20 * np.log10(abs(H[:, p])), np.degrees(np.angle(H[:, p])), strict=True)
+        head = f"Title1\tFRF plate:{p + 1}:+Z/plate:1:+Z\nFrequency [Hz]\tAmplitude (dB re 1 g/N)\tPhase [deg]\n"
+        (tmp_path / f"H{p + 1}.prn").write_text(head + "\n".join("\t".join(map(str, row)) for row in rows))
+    check(measured(tmp_path)[1].frf, 9.80665 * H)
+
+
+@pytest.mark.parametrize(
+    ("head", "unit"), [("Point;X [cm];Y [cm];Z [cm]", "cm"), ("node,x,y,z", "m"), ("No;X;Y;Z", None)]
+)
+def test_lists_of_points_of_other_programs(tmp_path, head, unit):
+    table(tmp_path)
+    rows = [head] + [f"{p}; {p},5;0;0" if ";" in head else f"{p},{p}.5,0,0" for p in (1, 2, 3)]
+    (tmp_path / "geometry.csv").write_text("\n".join(rows))
+    points = draft(tmp_path).points
+    assert (None if points is None else points.unit) == unit
+    assert points is None or points.node == (1, 2, 3)
