@@ -1,7 +1,9 @@
 """A state against its reference: what is called changed, which modes are the same, and what is said of it."""
 
+import asyncio
 import csv
 import io
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from ema import IdentificationError, Reassembly, change, change_csv, change_sentence
 from ema.types.geometry import Dof, Dofs, Geometry
 from updating.pooled.modal_files import assembled
+from updating.workbench import comparison_panel
 
 N = 12
 PLACE = np.linspace(0.05, 0.95, N)
@@ -162,3 +165,44 @@ def test_the_table_has_a_row_for_each_mode():
     rows = list(csv.DictReader(io.StringIO(change_csv(found))))
     assert [row["changed"] for row in rows] == ["frequency", "", "", ""]
     assert float(rows[0]["frequency_Hz"]) == pytest.approx(90.0)
+
+
+class Page(SimpleNamespace):
+    """The state of a page of the workbench."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def update(self, given):
+        vars(self).update(given)
+
+    def change(self, *_):
+        return lambda call: call
+
+
+def test_the_workbench_shows_a_state_beside_its_reference_and_another_without():
+    found = change([state("cut", FREQUENCY * [0.93, 1.001, 0.999, 1.0])], [state("intact")])
+    nothing = {"identified": None, "shown": None, "fit": None, "reference": None}
+    said = SimpleNamespace(sentences=("cut, what and where: a crack or cut.",))
+    tested = {
+        "cut": SimpleNamespace(change=found, what_changed=said, **nothing),
+        "intact": SimpleNamespace(change=None, what_changed=None, **nothing),
+    }
+    page = Page()
+    server = SimpleNamespace(state=page, controller=SimpleNamespace())
+    opened = SimpleNamespace(modelled=lambda name: (tested[name], []))
+    comparison_panel.panel(server, opened)
+    page.configuration = "cut"
+    asyncio.run(comparison_panel._Comparison(server, opened).begin())
+    assert page.change_text == f"{change_sentence(found)}."
+    assert page.what_changed == ["cut, what and where: a crack or cut."]
+    assert len(page.change_rows) == 4
+    assert all(len(row) == len(page.change_head) for row in page.change_rows)
+    assert [row[-1] for row in page.change_rows] == ["frequency", "", "", ""]
+    assert [len(trace["x"]) for trace in page.shifts["data"]] == [3, 1]  # within the scatter, changed
+    page.configuration = "intact"
+    asyncio.run(comparison_panel._Comparison(server, opened).begin())
+    assert (page.change_text, page.what_changed) == ("", [])
