@@ -269,8 +269,8 @@ def _explained(force: NDArray[np.float64], response: NDArray[np.float64]) -> flo
     of_force = np.fft.rfft(np.moveaxis(force, int(np.argmax(force.shape)), -1))
     of_response = np.fft.rfft(response)
     both = np.abs(np.sum(of_response * of_force.conj(), axis=1)) ** 2
-    own = np.sum(np.abs(of_force) ** 2, axis=0)
-    return float(np.sum(both / np.where(own > 0.0, own, 1.0)) / np.sum(np.abs(of_response) ** 2))
+    power = np.sum(np.abs(of_force) ** 2, axis=0)
+    return float(np.sum(both / np.where(power > 0.0, power, 1.0)) / np.sum(np.abs(of_response) ** 2))
 
 
 def _flat(share: NDArray[np.float64], axis: int) -> NDArray[np.float64]:

@@ -277,9 +277,9 @@ def _one_part(path: Path, text: TextTable, columns: list[int]) -> str:
         return ""
     named = [re.fullmatch(_NAMELESS, title, re.IGNORECASE) is None and bool(title) for title in titles]
     alike = {re.sub(r"\d+", "#", title) for title in titles}
-    own = len(titles) > 1 and all(named) and len(alike) == 1 and len(set(titles)) == len(titles)
+    titled = len(titles) > 1 and all(named) and len(alike) == 1 and len(set(titles)) == len(titles)
     part = re.search(_OF_A_PART, path.stem, re.IGNORECASE)
-    if not own and part is None:
+    if not titled and part is None:
         return ""
     said = (
         f"its name says {part[1]!r}"

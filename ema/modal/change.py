@@ -177,7 +177,7 @@ class _Side:
         """Return what spans the plane of close modes, with those that overlap, in a repeat or in all, (n_dof, any)."""
         shape = self.mean_shape if repeat is None else self.shape[repeat]
         beside = self.overlapping if repeat is None else [self.overlapping[repeat]]
-        return np.hstack([shape[:, group], *(own[k] for own in beside for k in group)])
+        return np.hstack([shape[:, group], *(column[k] for column in beside for k in group)])
 
 
 def change(
@@ -337,8 +337,8 @@ def _overlapping(
     others = np.setdiff1d(np.arange(model.frequency.size), taken)
     shape = model.shape[dofs][:, others] / np.linalg.norm(model.shape[dofs][:, others], axis=0)
     found = []
-    for own in (partner.get(r) for r in modes.tolist()):
-        gap = np.inf if own is None else np.abs(model.frequency[others] - model.frequency[own]) - half[own]
+    for other in (partner.get(r) for r in modes.tolist()):
+        gap = np.inf if other is None else np.abs(model.frequency[others] - model.frequency[other]) - half[other]
         found.append(shape[:, gap < half[others]])
     return found
 

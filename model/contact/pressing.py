@@ -420,13 +420,13 @@ def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) ->
     bending = t**3 / 12.0 * plate_form(plan, stack.material.plane_stress())
     nu, rigid = PLATE_POISSON, bool(np.isinf(pressing.plate_rigidity))
     rigidity = 0.0 if rigid else pressing.plate_rigidity
-    own = t**3 / 12.0 * stack.material.plane_stress()[0]
+    lamina = t**3 / 12.0 * stack.material.plane_stress()[0]
     plate = rigidity * plate_form(plan, (1.0, nu, 1.0, (1.0 - nu) / 2.0))
     functions = [plan.interpolate("w", c) for c in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     return _Problem(
         bending=bending,
         face_bending=plate,
-        face_ratio=_RIGID if rigid else rigidity / own,
+        face_ratio=_RIGID if rigid else rigidity / lamina,
         rigid=la.qr(np.column_stack(functions), mode="economic")[0],
         evaluate=plan.at_quadrature("w"),
         area=plan.plate.dx.ravel(),

@@ -48,7 +48,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     for i, here in enumerate(rows):
         for j, there in enumerate(rows[i : i + 1 + sharing], i):
             products = (one.T @ other for one, other in zip(here, there, strict=True))
-            planar = sum(own if i == j else own + own.T for own in products)
+            planar = sum(product if i == j else product + product.T for product in products)
             found.append(
                 Term(
                     name=f"clamp_inertia at {_GRID[i]:.3f} and {_GRID[j]:.3f}",

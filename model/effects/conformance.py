@@ -185,11 +185,11 @@ def _definiteness(effect: Effect, base: Assembly, assembly: Assembly) -> Iterato
         positive = dict[tuple[Target, tuple[float, ...]], bool]()  # of factors, which corners may share
         for strong, target in itertools.product(_corners(effect), targets):
             theta = {**assembly.theta, "pressure": pressure, **strong}
-            own = target, tuple(t.factor(theta) for t in _own(assembly, base) if t.target == target)
-            if own not in positive:
+            key = target, tuple(t.factor(theta) for t in _own(assembly, base) if t.target == target)
+            if key not in positive:
                 matrix = _base_matrix(base, target, pressure) + _added(base, assembly, target, theta)
-                positive[own] = _is_positive(matrix + allowed[target] * mass)
-            if not positive[own]:
+                positive[key] = _is_positive(matrix + allowed[target] * mass)
+            if not positive[key]:
                 at = ", ".join(f"{name} = {value:g}" for name, value in strong.items())
                 yield f"at {at} and {pressure / 1e3:g} kPa the matrix {target} is {words[target]}"
 

@@ -339,7 +339,7 @@ def check_mass(
             right = [u.name for u in UNITS.values() if least <= found * u.mass / stated <= 1.0 + same_mass]
             hint = f"; in {' or '.join(right)} it would be right" if right else ""
             refuse(f"in units {units.name} the matrices weigh {total:.4g} kg; total_mass_kg is {stated:.4g}{hint}")
-    own = moved[3:, 3:] - moved[3:, :3] @ np.linalg.pinv(moved[:3, :3]) @ moved[:3, 3:]
-    inertia = ", ".join(f"{value:.4g}" for value in np.diag(own))
+    about_centre = moved[3:, 3:] - moved[3:, :3] @ np.linalg.pinv(moved[:3, :3]) @ moved[:3, 3:]
+    inertia = ", ".join(f"{value:.4g}" for value in np.diag(about_centre))
     along = "" if np.ptp(weights) <= 1e-6 * total else f" along x, y, z {', '.join(f'{w:.4g}' for w in weights)} kg:"
     return f"total mass {total:.6g} kg{along}, inertia about its centre {inertia} kg m2"

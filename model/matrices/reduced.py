@@ -105,8 +105,8 @@ class ReducedMatrices:
 
     def derivative(self, target: Target, theta: Mapping[str, float], name: str) -> Vectors:
         """Return the derivative of the reduced M, C or K by the parameter `name`, (size, size)."""
-        own = (t for t in self.terms if t.target == target)
-        return summed(self.size, ((t.factor.derivative(theta, name), t.matrix) for t in own))
+        terms = (t for t in self.terms if t.target == target)
+        return summed(self.size, ((t.factor.derivative(theta, name), t.matrix) for t in terms))
 
     def moves(self, node: Sequence[int] | Index) -> Vectors:
         """Return the rows of the displacements of nodes along x, y and z, (n, 3, size); zero where they are held.
@@ -116,16 +116,16 @@ class ReducedMatrices:
         MatricesError
             The structure has no such node.
         """
-        wanted, own = np.asarray(node, dtype=np.int64), self.structure
-        missing = wanted[~np.isin(wanted, own.node)]
+        wanted, structure = np.asarray(node, dtype=np.int64), self.structure
+        missing = wanted[~np.isin(wanted, structure.node)]
         if missing.size:
             refuse(f"{self.name}: there is no node {missing[0]} in the matrices")
         found = np.zeros((wanted.size, 3, self.size))
         for axis in range(3):
-            rows = np.flatnonzero(own.dof == axis + 1)
-            rows = rows[np.argsort(own.node[rows])]
-            at = np.minimum(np.searchsorted(own.node[rows], wanted), max(rows.size - 1, 0))
-            there = own.node[rows][at] == wanted if rows.size else np.zeros(wanted.size, dtype=bool)
+            rows = np.flatnonzero(structure.dof == axis + 1)
+            rows = rows[np.argsort(structure.node[rows])]
+            at = np.minimum(np.searchsorted(structure.node[rows], wanted), max(rows.size - 1, 0))
+            there = structure.node[rows][at] == wanted if rows.size else np.zeros(wanted.size, dtype=bool)
             found[there, axis] = self.basis[rows[at[there]]]
         return found
 
@@ -152,7 +152,8 @@ class ReducedMatrices:
         each = np.split(energy, np.cumsum([value.size for value in values])[:-1])
         shift = _shift(self.structure)
         return [
-            float(np.max(own / (2.0 * (value + shift)), initial=0.0)) for own, value in zip(each, values, strict=True)
+            float(np.max(error / (2.0 * (value + shift)), initial=0.0))
+            for error, value in zip(each, values, strict=True)
         ]
 
     def _unbalanced(self, x: Vectors, value: Vectors, theta: Mapping[str, float]) -> Vectors:

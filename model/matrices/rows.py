@@ -78,7 +78,7 @@ def read_nodes(path: Path) -> Nodes:
     if kind == ".csv":
         columns = columns_of_csv(path, ("node", "x", "y", "z"))
         try:
-            place = zip(*(map(float, own) for own in columns[1:]), strict=True)
+            place = zip(*(map(float, column) for column in columns[1:]), strict=True)
             table = dict(zip(map(int, columns[0]), place, strict=True))
         except ValueError:  # an empty cell, an exponent of Fortran, or a fault: line by line
             table = {
@@ -97,7 +97,7 @@ def read_nodes(path: Path) -> Nodes:
     return Nodes(
         number=number,
         location=np.array([table[int(i)] for i in number]),
-        sets={name: np.unique(np.array(own, dtype=np.int64)) for name, own in sets.items()},
+        sets={name: np.unique(np.array(nodes, dtype=np.int64)) for name, nodes in sets.items()},
     )
 
 
@@ -184,12 +184,12 @@ def _nblock(path: Path) -> dict[int, tuple[float, ...]]:
         if form is None:
             refuse(f"{path}: NBLOCK without its format, such as (3i9,6e21.13e3)")
         n, wide, long = (int(one) for one in form.groups())
-        for i, own in lines:
-            if own.lstrip().startswith(("N,", "-1")):
+        for i, text in lines:
+            if text.lstrip().startswith(("N,", "-1")):
                 break
             start = n * wide
-            places = [own[start + k * long : start + (k + 1) * long] for k in range(3)]
-            table[_whole(path, i, own[:wide])] = _place(path, i, places)
+            places = [text[start + k * long : start + (k + 1) * long] for k in range(3)]
+            table[_whole(path, i, text[:wide])] = _place(path, i, places)
     return table
 
 

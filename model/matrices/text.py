@@ -138,11 +138,11 @@ def draft_structure(folder: Path) -> str | None:
     folder : Path
         The folder.
     """
-    names = sorted(own.name for own in folder.iterdir() if own.is_file())
+    names = sorted(path.name for path in folder.iterdir() if path.is_file())
     plain = {name: name.removesuffix(".gz") for name in names}
 
     def first(pattern: str) -> str | None:
-        return next((name for name, own in plain.items() if re.search(pattern, own, re.IGNORECASE)), None)
+        return next((name for name, text in plain.items() if re.search(pattern, text, re.IGNORECASE)), None)
 
     def one_of(kinds: Sequence[str]) -> str | None:
         return next((name for name in names if kind_of(Path(name)) in kinds), None)

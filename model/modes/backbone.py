@@ -177,14 +177,14 @@ def backbone(
     if not 0 <= mode < system.size - n_rigid:
         raise SolveError(f"mode = {mode}: elastic modes are numbered from 0 to {system.size - n_rigid - 1}")
     taken = slice(n_rigid, n_rigid + mode + 1 + n_beside)
-    own, vectors = eigenvalues[taken], vectors[:, taken]
+    taken_values, vectors = eigenvalues[taken], vectors[:, taken]
     viscous = vectors.T @ system.matrix("C", theta) @ vectors
     contact = _Contact.of(strain, vectors, law, theta)
-    along = _along(own, contact, wanted, mode)
-    values = [_resonance(np.diag(own) + 1j * np.sqrt(at[1]) * viscous, contact, at) for at in along]
+    along = _along(taken_values, contact, wanted, mode)
+    values = [_resonance(np.diag(taken_values) + 1j * np.sqrt(at[1]) * viscous, contact, at) for at in along]
     resonance = np.array(values, dtype=complex)
     stiffness, loss = resonance.real, resonance.imag / (2.0 * resonance.real)
-    omega = float(np.sqrt(own[mode]))
+    omega = float(np.sqrt(taken_values[mode]))
     coordinate = vectors @ np.column_stack([shape for _, _, shape in along[1:]])
     moved = np.stack([strain.spacing * strain.amplitude(x) for x in coordinate.T])
     return Backbone(
@@ -229,7 +229,7 @@ class _Contact:
         strain = self.rows @ coordinate
         size = np.hypot(*strain)
         lost, growth = self.stiffness * self.law.softening(size), self.stiffness * self.law.growth(size)
-        force = sum((lost * own) @ rows for own, rows in zip(strain, self.rows, strict=True))
+        force = sum((lost * share) @ rows for share, rows in zip(strain, self.rows, strict=True))
         safe = np.where(size > 0.0, size, 1.0)
         # a tangent only leads the way, so half of the digits do, in half of the time
         rows, (x, y) = self.rows.astype(np.float32), (strain / safe).astype(np.float32)
@@ -243,7 +243,7 @@ class _Contact:
         strain = self.rows @ coordinate
         size = np.sqrt(np.sum(np.abs(strain) ** 2, axis=0))
         lost = self.stiffness * (self.law.softening(size) - 1j * self.law.loss(size))
-        return np.asarray(sum((lost * own) @ rows for own, rows in zip(strain, self.rows, strict=True)))
+        return np.asarray(sum((lost * share) @ rows for share, rows in zip(strain, self.rows, strict=True)))
 
 
 def _along(eigenvalues: Vector, contact: _Contact, amplitude: Vector, mode: int) -> list[tuple[float, float, Vector]]:

@@ -176,7 +176,7 @@ def own_derivatives(
     """
     eigenvalue = theta[OMEGA] ** 2
     found, image = _images(system, theta, names, shape[:, None])
-    slopes, damped = {target: own[:, :, 0].T for target, own in found.items()}, image[:, 0]
+    slopes, damped = {target: slope[:, :, 0].T for target, slope in found.items()}, image[:, 0]
     unbalanced = slopes["K"] - eigenvalue * slopes["M"]
     answer = orthogonal_answers(stiffness - eigenvalue * mass, mass @ shape, np.column_stack([-unbalanced, damped]))
     d_shape = answer[:, :-1] - 0.5 * np.outer(shape, shape @ slopes["M"])
@@ -221,17 +221,17 @@ def _images(
         which = id(term.matrix.range) if isinstance(term.matrix, InRange) else None
         if which not in sums:
             sums[which] = _Sums(term.matrix, shape, len(names))
-        own = sums[which]
+        total = sums[which]
         if id(term.matrix) not in known:
-            known[id(term.matrix)] = own.image(term.matrix)
+            known[id(term.matrix)] = total.image(term.matrix)
         for j, share in shares.items():
-            own.slopes[term.target][j] += np.multiply(share, known[id(term.matrix)])
+            total.slopes[term.target][j] += np.multiply(share, known[id(term.matrix)])
         if any(factor):
-            own.damped += np.multiply(factor, known[id(term.matrix)])
+            total.damped += np.multiply(factor, known[id(term.matrix)])
     slopes: dict[Target, NDArray[np.float64]] = {t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")}
     damped = np.zeros(shape.shape)
-    for own in sums.values():
-        own.add_to(slopes, damped)
+    for total in sums.values():
+        total.add_to(slopes, damped)
     return slopes, damped
 
 
@@ -252,8 +252,8 @@ class _Sums:
 
     def add_to(self, slopes: dict[Target, NDArray[np.float64]], damped: NDArray[np.float64]) -> None:
         """Add the sums in the coordinates of the modes."""
-        for target, own in self.slopes.items():
-            slopes[target] += own if self._range is None else self._range @ own
+        for target, slope in self.slopes.items():
+            slopes[target] += slope if self._range is None else self._range @ slope
         damped += self.damped if self._range is None else self._range @ self.damped
 
 
@@ -282,14 +282,14 @@ class ElasticModes:
     def frequency(self) -> NDArray[np.float64]:
         """Return the undamped natural frequencies, Hz, (n_mode,)."""
         if self.settled:
-            return np.array([own.omega for own in self.settled]) / (2.0 * np.pi)
+            return np.array([mode.omega for mode in self.settled]) / (2.0 * np.pi)
         return np.sqrt(self.eigenvalues[self.mode.start : self.mode.stop]) / (2.0 * np.pi)
 
     @property
     def coordinate(self) -> NDArray[np.float64]:
         """Return the modes in the coordinates of the system, (n, n_mode)."""
         if self.settled:
-            return np.column_stack([own.shape for own in self.settled])
+            return np.column_stack([mode.shape for mode in self.settled])
         return self.vectors[:, self.mode.start : self.mode.stop]
 
     def derivatives(self, wanted: NDArray[np.bool_], names: tuple[str, ...], rows: NDArray[np.float64]) -> Derivatives:
@@ -298,7 +298,7 @@ class ElasticModes:
         pairs = self.eigenvalues, self.vectors
         if self.settled and which.size:
             chosen = [self.settled[i] for i in np.flatnonzero(wanted)]
-            return Derivatives.joined([own.derivatives(self.system, names, rows) for own in chosen])
+            return Derivatives.joined([mode.derivatives(self.system, names, rows) for mode in chosen])
         if OMEGA not in self.theta:
             return mode_derivatives(self.system, self.theta, names, *pairs, which, rows)
         # only damping follows frequency: the undamped modes are the same for all
@@ -364,8 +364,8 @@ class _OverFrequency:
     def matrix(self, target: Target, omega: float) -> NDArray[np.float64]:
         """Return M or K at an angular frequency, (n, n)."""
         here, total = {**self.theta, OMEGA: omega}, self.steady[target].copy()
-        for own, factor, matrix in self.following:
-            if own == target:
+        for of, factor, matrix in self.following:
+            if of == target:
                 total += factor(here) * matrix
         return total
 
@@ -379,8 +379,8 @@ class _OverFrequency:
         """
         # of a frequency with the one that its stiffness is taken at, so that steps stay finite
         most_growth = 0.9
-        steady = {target: float(shape @ own @ shape) for target, own in self.steady.items()}
-        shares = [(target, factor, float(shape @ own @ shape)) for target, factor, own in self.following]
+        steady = {target: float(shape @ matrix @ shape) for target, matrix in self.steady.items()}
+        shares = [(target, factor, float(shape @ matrix @ shape)) for target, factor, matrix in self.following]
         for _ in range(_MOST_STEPS):
             here = {**self.theta, OMEGA: omega}
             value, slope = dict(steady), dict.fromkeys(steady, 0.0)
@@ -453,7 +453,7 @@ class _Settled:
         if self.twin:
             values, basis = la.eigh(self.stiffness, self.mass)  # only beside all modes are twins resolved from it
             index = np.array([np.argmax(np.abs(basis.T @ (self.mass @ self.shape)))])
-            own = mode_derivatives(system, self.theta, every, values, basis, index, rows)
+            found = mode_derivatives(system, self.theta, every, values, basis, index, rows)
         else:
-            own = own_derivatives(system, self.theta, every, self.shape, self.mass, self.stiffness, rows)
-        return own.without_omega()
+            found = own_derivatives(system, self.theta, every, self.shape, self.mass, self.stiffness, rows)
+        return found.without_omega()

@@ -288,9 +288,9 @@ def _derivatives(
     wanted = np.full(len(elastic.mode), differentiated is None)
     if differentiated is not None:
         wanted[differentiated(elastic.frequency, rows @ elastic.coordinate)] = True
-    own, rest = elastic.derivatives(wanted, names, rows), elastic.derivatives(~wanted, (), rows)
+    sought, rest = elastic.derivatives(wanted, names, rows), elastic.derivatives(~wanted, (), rows)
     order = np.argsort(np.append(np.flatnonzero(wanted), np.flatnonzero(~wanted)))
-    return Derivatives.joined([own, rest.unknown_by(len(names))]).ordered(order)
+    return Derivatives.joined([sought, rest.unknown_by(len(names))]).ordered(order)
 
 
 def _modes(

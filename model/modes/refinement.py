@@ -340,16 +340,16 @@ class _Rough:
     @classmethod
     def of(cls, assembly: Assembly, field: Field, krons: tuple[Kron, ...]) -> _Rough:
         ratio = 8.0  # of eigenvalues over z that share one planar factor
-        own = [(sp.csr_matrix(k.z), k.planar) for k in krons if k.row == k.column == field]
+        parts = [(sp.csr_matrix(k.z), k.planar) for k in krons if k.row == k.column == field]
         size = assembly.plan.form(field, field).diagonal()
-        mean = sum(float(np.mean(planar.diagonal() / size)) * z for z, planar in own)
+        mean = sum(float(np.mean(planar.diagonal() / size)) * z for z, planar in parts)
         values, vectors = la.eigh(mean.toarray())
         group = np.floor(np.log(np.maximum(values, values[-1] * 1e-12)) / np.log(ratio)).astype(int)
         members = tuple(np.flatnonzero(group == g) for g in np.unique(group))
         solvers = []
         for m in members:
-            shares = [float(np.mean(np.einsum("ij,ij->j", vectors[:, m], z @ vectors[:, m]))) for z, _ in own]
-            planar = sum(share * p for share, (_, p) in zip(shares, own, strict=True))
+            shares = [float(np.mean(np.einsum("ij,ij->j", vectors[:, m], z @ vectors[:, m]))) for z, _ in parts]
+            planar = sum(share * p for share, (_, p) in zip(shares, parts, strict=True))
             solvers.append(splinalg.splu(planar.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).solve)
         return cls(over_z=vectors, members=members, solve_planar=tuple(solvers))
 

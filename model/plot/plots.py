@@ -172,31 +172,31 @@ _SHEET, _EDGE, _CLAMP, _SUPPORT = "#dfe5ec", "0.35", "#b3341f", "#1f5f8b"
 
 
 @html_of.register(Stack)
-def stack_html(own: Stack) -> str:
+def stack_html(stack: Stack) -> str:
     """List size, sheets, contact, clamps and effects."""
     rows = [
-        ("size", f"{1e3 * own.length:g} x {1e3 * own.width:g} x {1e3 * own.height:g} mm"),
-        ("sheets", f"{own.n_lamina} of {1e3 * own.pitch:.3g} mm, E = {own.material.young / 1e9:.4g} GPa"),
-        ("mass", f"{own.mass:.4g} kg, of which clamps {sum(clamp.mass for clamp in own.clamps):.3g} kg"),
+        ("size", f"{1e3 * stack.length:g} x {1e3 * stack.width:g} x {1e3 * stack.height:g} mm"),
+        ("sheets", f"{stack.n_lamina} of {1e3 * stack.pitch:.3g} mm, E = {stack.material.young / 1e9:.4g} GPa"),
+        ("mass", f"{stack.mass:.4g} kg, of which clamps {sum(clamp.mass for clamp in stack.clamps):.3g} kg"),
     ]
-    if own.n_lamina > 1:
-        c = own.contact
+    if stack.n_lamina > 1:
+        c = stack.contact
         rows.append(("contact", f"G_f = {c.G_f:.4g}, d_f = {c.d_f:.3g} s/Pa at {c.pressure / 1e3:.4g} kPa"))
-    rows += [("soft layer", f"{1e3 * own_layer.thickness:g} mm") for own_layer in own.interlayers]
-    rows += [("support", type(support).__name__) for support in own.supports]
-    rows += [("effect", effect.label) for effect in own.effects]
-    return html_table(own.name, (), rows)
+    rows += [("soft layer", f"{1e3 * layer.thickness:g} mm") for layer in stack.interlayers]
+    rows += [("support", type(support).__name__) for support in stack.supports]
+    rows += [("effect", effect.label) for effect in stack.effects]
+    return html_table(stack.name, (), rows)
 
 
 @figure_of.register(Stack)
-def stack_figure(own: Stack) -> Figure:
+def stack_figure(stack: Stack) -> Figure:
     """Draw the plan seen from above, over the side with every few laminas; clamps are red, supports blue."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.5, 1.6 + 7.0 * (own.width + own.height) / own.length), layout="constrained")
-    plan, side = figure.subplots(2, 1, sharex=True, height_ratios=[own.width, own.height])
-    _draw_plan(plan, own)
-    _draw_side(side, own)
+    figure = Figure(figsize=(7.5, 1.6 + 7.0 * (stack.width + stack.height) / stack.length), layout="constrained")
+    plan, side = figure.subplots(2, 1, sharex=True, height_ratios=[stack.width, stack.height])
+    _draw_plan(plan, stack)
+    _draw_side(side, stack)
     for axes, upright in ((plan, "y"), (side, "z")):
         axes.set_aspect("equal")
         axes.set_ylabel(f"{upright} [mm]")
@@ -205,25 +205,25 @@ def stack_figure(own: Stack) -> Figure:
     return figure
 
 
-def _draw_plan(axes: Axes, own: Stack) -> None:
+def _draw_plan(axes: Axes, stack: Stack) -> None:
     from matplotlib.patches import Polygon, Rectangle
 
     least_clamp = 0.02  # drawn width of a clamp over a line or point, as a share of the length
 
-    if isinstance(own.outline, Triangulation):
-        axes.triplot(*(1e3 * own.outline.point).T, own.outline.triangle, color=_EDGE, linewidth=0.5)
+    if isinstance(stack.outline, Triangulation):
+        axes.triplot(*(1e3 * stack.outline.point).T, stack.outline.triangle, color=_EDGE, linewidth=0.5)
     else:
-        half = np.array([own.length, own.width]) / 2.0
+        half = np.array([stack.length, stack.width]) / 2.0
         corners = half * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-        boundary, holes = (corners, ()) if own.outline is None else (own.outline.boundary, own.outline.holes)
+        boundary, holes = (corners, ()) if stack.outline is None else (stack.outline.boundary, stack.outline.holes)
         axes.add_patch(Polygon(1e3 * boundary, facecolor=_SHEET, edgecolor=_EDGE))
         for hole in holes:
             axes.add_patch(Polygon(1e3 * hole, facecolor="white", edgecolor=_EDGE))
-    for clamp in own.clamps:
-        x, y = (max(size, least_clamp * own.length) for size in clamp.footprint)
+    for clamp in stack.clamps:
+        x, y = (max(size, least_clamp * stack.length) for size in clamp.footprint)
         corner = 1e3 * (clamp.x - x / 2.0), 1e3 * (clamp.y - y / 2.0)
         axes.add_patch(Rectangle(corner, 1e3 * x, 1e3 * y, color=_CLAMP, alpha=0.6))
-    for support in own.supports:
+    for support in stack.supports:
         if isinstance(support, PatchSupport):
             x, y = support.size
             corner = 1e3 * (support.x - x / 2.0), 1e3 * (support.y - y / 2.0)
@@ -231,17 +231,17 @@ def _draw_plan(axes: Axes, own: Stack) -> None:
     axes.autoscale_view()
 
 
-def _draw_side(axes: Axes, own: Stack) -> None:
+def _draw_side(axes: Axes, stack: Stack) -> None:
     lines = 12  # of laminas that the side shows at most
     from matplotlib.patches import Rectangle
 
-    half = 500.0 * np.array([own.length, own.height])
+    half = 500.0 * np.array([stack.length, stack.height])
     axes.add_patch(Rectangle((-half[0], -half[1]), 2.0 * half[0], 2.0 * half[1], facecolor=_SHEET, edgecolor=_EDGE))
-    shown = np.unique(np.linspace(0, own.n_lamina - 1, lines).round().astype(int))
-    axes.hlines(1e3 * own.lamina_z[shown], -half[0], half[0], color=_EDGE, linewidth=0.4)
-    for clamp in own.clamps:
+    shown = np.unique(np.linspace(0, stack.n_lamina - 1, lines).round().astype(int))
+    axes.hlines(1e3 * stack.lamina_z[shown], -half[0], half[0], color=_EDGE, linewidth=0.4)
+    for clamp in stack.clamps:
         axes.plot([1e3 * clamp.x] * 2, [-1.15 * half[1], 1.15 * half[1]], color=_CLAMP, linewidth=3.0, alpha=0.6)
-    for layer in own.interlayers:
-        z = own.lamina_z[layer.below - 1 : layer.below + 1].mean()
+    for layer in stack.interlayers:
+        z = stack.lamina_z[layer.below - 1 : layer.below + 1].mean()
         axes.axhline(1e3 * z, color=_SUPPORT, linewidth=2.0)
     axes.autoscale_view()

@@ -51,8 +51,8 @@ def effect_samples(assembly: Assembly, theta: Mapping[str, float]) -> list[dict[
     share = 0.75  # of its nominal strength, that an effect has in these samples
     effects_at_once = 8  # in one sample of the modes over z
     effects = [effect for effect in assembly.stack.effects if not effect.grounded]
-    own = shaping(assembly, (p.name for effect in effects for p in effect.parameters))
-    effects = [effect for effect in effects if any(p.name in own for p in effect.parameters)]
+    names = shaping(assembly, (p.name for effect in effects for p in effect.parameters))
+    effects = [effect for effect in effects if any(p.name in names for p in effect.parameters)]
     n_group = -(-len(effects) // effects_at_once)
     return [
         {
@@ -190,8 +190,8 @@ def second_answers(
     first = np.split(factor.solve(np.hstack(force)), len(changes), axis=1)
     strong = [
         forces(change, answer)
-        for change, own, answer in zip(changes, force, first, strict=True)
-        if la.eigvalsh(own.T @ answer)[-1] ** 2 > least
+        for change, pull, answer in zip(changes, force, first, strict=True)
+        if la.eigvalsh(pull.T @ answer)[-1] ** 2 > least
     ]
     if not strong:
         return np.empty((assembly.size, 0))
@@ -229,8 +229,8 @@ def attachment_answers(
     """
     depth = 2  # answers to forces and to the inertia of these: what modes far above add is small then
     rank = 1e-8  # singular values below this share of the largest are rounding
-    own = frozenset(p.name for effect in effects for p in effect.parameters)
-    acting = {id(t.krons): t.krons for t in assembly.terms if t.factor.names(assembly.theta) & own}
+    names = frozenset(p.name for effect in effects for p in effect.parameters)
+    acting = {id(t.krons): t.krons for t in assembly.terms if t.factor.names(assembly.theta) & names}
     if not acting:
         return np.empty((assembly.size, 0))
     # Of each term alone first: they differ in size, and several act at the same places.

@@ -41,7 +41,7 @@ def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
 
     def projected(krons: tuple[Kron, ...]) -> Vector:
         half = sum(
-            (_half(parts, field, own, order) for field, own in _by_row(krons).items()),
+            (_half(parts, field, of_row, order) for field, of_row in _by_row(krons).items()),
             np.zeros((basis.shape[1], basis.shape[1])),
         )
         return np.asarray(half + half.T)
@@ -75,8 +75,8 @@ def _half(
             whole.append((kron, z, planar))
             continue
         first, second = (
-            np.einsum("pr,zpk->zrk", shapes, own[:, at], optimize=True)
-            for (at, shapes), own in zip(few, (left, parts[kron.column]), strict=True)
+            np.einsum("pr,zpk->zrk", shapes, part[:, at], optimize=True)
+            for (at, shapes), part in zip(few, (left, parts[kron.column]), strict=True)
         )
         moved = (z @ second.reshape(second.shape[0], -1)).reshape(-1, second.shape[2])
         half += first.reshape(-1, first.shape[2]).T @ moved
@@ -125,10 +125,10 @@ def _add_image(image: Vector, z: Vector, planar: sp.csr_matrix, right: Vector) -
             image[i] += planar @ slice_
         return
     for strip in np.array_split(np.arange(planar.shape[0]), min(strips, planar.shape[0])):
-        own = planar[strip[0] : strip[-1] + 1]
-        if own.nnz:
-            first, last = own.indices.min(), own.indices.max() + 1
-            image[:, strip[0] : strip[-1] + 1] += own[:, first:last].toarray() @ moved[:, first:last]
+        rows = planar[strip[0] : strip[-1] + 1]
+        if rows.nnz:
+            first, last = rows.indices.min(), rows.indices.max() + 1
+            image[:, strip[0] : strip[-1] + 1] += rows[:, first:last].toarray() @ moved[:, first:last]
 
 
 def _by_field(assembly: Assembly, basis: Vector, order: Mapping[Field, NDArray[np.intp]]) -> dict[Field, Vector]:

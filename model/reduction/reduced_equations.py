@@ -99,13 +99,13 @@ def in_ranges(matrices: Iterable[Vectors]) -> list[Matrix]:
             most = max(int(most_spanned * len(matrix)), fewest)
             probe = np.random.default_rng(0).standard_normal((len(matrix), most + _SPARE))
         image = matrix @ probe
-        own = _orthonormal(image, rank * float(np.max(np.linalg.norm(image, axis=0), initial=0.0)))
-        if own.shape[1] > most:
+        span = _orthonormal(image, rank * float(np.max(np.linalg.norm(image, axis=0), initial=0.0)))
+        if span.shape[1] > most:
             continue
-        wider = group.wider(matrix, own)
+        wider = group.wider(matrix, span)
         if wider is None or wider.shape[1] > most:
             found = group.put(found)
-            group = _Group(range=own, members={i: matrix})
+            group = _Group(range=span, members={i: matrix})
         else:
             group = _Group(range=wider, members={**group.members, i: matrix})
     return group.put(found)
@@ -118,7 +118,7 @@ class _Group:
     range: Vectors
     members: Mapping[int, Vectors]
 
-    def wider(self, matrix: Vectors, own: Vectors) -> Vectors | None:
+    def wider(self, matrix: Vectors, further: Vectors) -> Vectors | None:
         """Return the range with that of another matrix; None if they can share none.
 
         What feels rigid-body motion shares no range with what does not, for there it must stay exactly 0.
@@ -126,7 +126,7 @@ class _Group:
         if not self.members:
             return None
         first = next(iter(self.members.values()))
-        return _with(self.range, own) if np.array_equal(first.any(axis=1), matrix.any(axis=1)) else None
+        return _with(self.range, further) if np.array_equal(first.any(axis=1), matrix.any(axis=1)) else None
 
     def put(self, found: list[Matrix]) -> list[Matrix]:
         """Return all matrices with those of the group in its range, where they are the same there."""
@@ -139,10 +139,10 @@ class _Group:
         return found
 
 
-def _with(shared: Vectors, own: Vectors) -> Vectors:
+def _with(shared: Vectors, further: Vectors) -> Vectors:
     """Return an orthonormal range with what another has beside it."""
     same = 1e-7  # part of a unit direction beside others, below which it is theirs
-    left = own
+    left = further
     for _ in range(2):  # of what is small, the first time leaves mostly rounding, which lies along the range
         left = left - shared @ (shared.T @ left)
         left = _orthonormal(left - shared @ (shared.T @ left), same)
@@ -227,7 +227,7 @@ class ReducedEquations:
     def matrix(self, target: Target, theta: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the reduced M, C or K at the parameters `theta`, (size, size)."""
         factors = ((term.factor(theta), term.matrix) for term in self.terms if term.target == target)
-        return summed(self.size, (own for own in factors if own[0]))  # most effects are neutral
+        return summed(self.size, (pair for pair in factors if pair[0]))  # most effects are neutral
 
     def derivative(self, target: Target, theta: Mapping[str, float], name: str) -> NDArray[np.float64]:
         """Return the derivative of the reduced M, C or K by the parameter `name`, (size, size)."""

@@ -270,12 +270,12 @@ class CholeskyFactor:
         self._rank = np.zeros(node.size, dtype=np.int64)
         self._fronts: list[_Front] = []
         pieces = self._pieces(place, np.arange(len(place)))
-        inside = [np.concatenate([self._unknowns[i] for i in own]) for own, _ in pieces]
+        inside = [np.concatenate([self._unknowns[i] for i in piece]) for piece, _ in pieces]
         self._rank[np.concatenate(inside)] = np.arange(node.size)
         waiting: list[tuple[Index, Vectors]] = []
-        for own, (_, n_child) in zip(inside, pieces, strict=True):
+        for unknowns, (_, n_child) in zip(inside, pieces, strict=True):
             children = [waiting.pop() for _ in range(n_child)]
-            waiting.append(self._eliminated(own, children))
+            waiting.append(self._eliminated(unknowns, children))
         del self._matrix, self._graph, self._unknowns, self._rank
 
     def _pieces(self, place: Vectors, nodes: Index) -> list[tuple[Index, int]]:
@@ -285,7 +285,7 @@ class CholeskyFactor:
         leaf = 100
         if nodes.size <= leaf:
             return [(nodes, 0)]
-        one, two, cut = min((self._halves(place[nodes, i], nodes) for i in range(3)), key=lambda own: own[2].size)
+        one, two, cut = min((self._halves(place[nodes, i], nodes) for i in range(3)), key=lambda cut: cut[2].size)
         if not two.size or cut.size > most_cut * nodes.size:
             return [(nodes, 0)]
         rest = np.setdiff1d(two, cut, assume_unique=True)
@@ -333,10 +333,10 @@ class CholeskyFactor:
         """Return the solution for right-hand sides, (n, k)."""
         x = np.array(right, dtype=float)
         for front in self._fronts:
-            own = la.solve_triangular(front.diagonal, x[front.inside], lower=True, check_finite=False)
-            x[front.inside] = own
-            x[front.border] -= front.below @ own
+            inner = la.solve_triangular(front.diagonal, x[front.inside], lower=True, check_finite=False)
+            x[front.inside] = inner
+            x[front.border] -= front.below @ inner
         for front in reversed(self._fronts):
-            own = x[front.inside] - front.below.T @ x[front.border]
-            x[front.inside] = la.solve_triangular(front.diagonal, own, lower=True, trans=1, check_finite=False)
+            inner = x[front.inside] - front.below.T @ x[front.border]
+            x[front.inside] = la.solve_triangular(front.diagonal, inner, lower=True, trans=1, check_finite=False)
         return x

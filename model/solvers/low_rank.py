@@ -193,11 +193,11 @@ def low_rank(assembly: Assembly, products: Sequence[FarProduct], members: Mappin
     """Find the spaces in which Kronecker products act on the given indices over z."""
     z, planar = {}, {}
     for field in FIELDS:
-        own = [(p.kron.z, p.row) for p in products if p.kron.row == field]
-        own += [(p.kron.z.T, p.column) for p in products if p.kron.column == field]
+        factors = [(p.kron.z, p.row) for p in products if p.kron.row == field]
+        factors += [(p.kron.z.T, p.column) for p in products if p.kron.column == field]
         here = sp.diags_array(np.isin(np.arange(assembly.n_z[field]), members[field]).astype(float))
-        z[field] = _range([sp.csc_matrix(here @ a) for a in _distinct(a for a, _ in own)], assembly.n_z[field])
-        planar[field] = _range([sp.csc_matrix(b) for _, b in own], assembly.plan.size(field))
+        z[field] = _range([sp.csc_matrix(here @ a) for a in _distinct(a for a, _ in factors)], assembly.n_z[field])
+        planar[field] = _range([sp.csc_matrix(b) for _, b in factors], assembly.plan.size(field))
     return LowRank(z=z, planar=planar)
 
 

@@ -123,12 +123,12 @@ def _couplings(
             turned = Kron(row=kron.column, column=kron.row, z=kron.z.T, planar=kron.planar.T.tocsr())
             found.setdefault((kron.column, kron.row), []).append((term, turned))
     result = []
-    for (row, column), own in found.items():
+    for (row, column), coupled in found.items():
         size = assembly.plan.size(column)
-        entries = [kron.planar.tocoo() for _, kron in own]
+        entries = [kron.planar.tocoo() for _, kron in coupled]
         keys = [coo.row.astype(np.int64) * size + coo.col for coo in entries]
         pattern = np.unique(np.concatenate(keys))
-        values = np.zeros((pattern.size, len(own)))
+        values = np.zeros((pattern.size, len(coupled)))
         for i, (key, coo) in enumerate(zip(keys, entries, strict=True)):
             np.add.at(values[:, i], np.searchsorted(pattern, key), coo.data)
         rows, columns = np.divmod(pattern, size)
@@ -140,9 +140,9 @@ def _couplings(
             Coupling(
                 row=row,
                 column=column,
-                z=np.array([k.z.toarray() if sp.issparse(k.z) else k.z for _, k in own]),
-                target=tuple(term.target for term, _ in own),
-                factor=tuple(term.factor for term, _ in own),
+                z=np.array([k.z.toarray() if sp.issparse(k.z) else k.z for _, k in coupled]),
+                target=tuple(term.target for term, _ in coupled),
+                factor=tuple(term.factor for term, _ in coupled),
                 entries={
                     divmod(p, len(planar_groups)): (place[row][rows[m]], place[column][columns[m]], values[m])
                     for p, m in members.items()
@@ -230,10 +230,10 @@ class Solver:
         weighted = [c.weighted_z(theta, shift) for c in self.couplings]
         shares = [p.term.factor(theta) * (shift if p.term.target == "M" else 1.0) for p in self.far]
         acting = tuple(i for i, share in enumerate(shares) if share != 0.0)
-        own = [self.far[i] for i in acting]
-        far = tuple(dataclasses.replace(p.kron, z=shares[i] * p.kron.z) for i, p in zip(acting, own, strict=True))
+        away = [self.far[i] for i in acting]
+        far = tuple(dataclasses.replace(p.kron, z=shares[i] * p.kron.z) for i, p in zip(acting, away, strict=True))
         if acting not in self._spaces:
-            self._spaces[acting] = tuple(low_rank(self.assembly, own, c.members) for c in self.chains)
+            self._spaces[acting] = tuple(low_rank(self.assembly, away, c.members) for c in self.chains)
         parts = []
         for chain, change in zip(self.chains, self._spaces[acting], strict=True):
             rows = np.concatenate([group.unknowns(self.assembly) for group in chain.groups])

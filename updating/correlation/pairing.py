@@ -174,9 +174,9 @@ def _by_subspace(
             column[weak] = column[weak][scipy.optimize.linear_sum_assignment(among, maximize=True)[1]]
             whole[inside] = True
             common[inside] = _common_subspace(measured.shape, model.shape, row[inside], column[inside], groups)
-    own = value[row, column]
+    likeness = value[row, column]
     whole &= common >= threshold
-    kept = whole | (own >= threshold)
+    kept = whole | (likeness >= threshold)
     row, column, whole = row[kept], column[kept], whole[kept]
     subspace = np.unique(np.where(whole, linked[kept], value.size + row), return_inverse=True)[1]
     return Pairing(
@@ -187,7 +187,7 @@ def _by_subspace(
         unpaired_model=np.setdiff1d(np.arange(value.shape[1]), column),
         threshold=threshold,
         subspace=subspace,
-        subspace_mac=np.where(whole, common[kept], own[kept]),
+        subspace_mac=np.where(whole, common[kept], likeness[kept]),
     )
 
 

@@ -189,8 +189,8 @@ def check_rig(system: ReducedSystem, pressure: float, measured: ModalModel, G_f_
         for g in tried
     ]
     gain = _gain(measured, modes, n_dof)
-    own, (row, column) = _nearest(measured, gain, modes, n_dof)
-    force = _force_place(measured, gain, own, (row, column), places) if n_place else None
+    nearest, (row, column) = _nearest(measured, gain, modes, n_dof)
+    force = _force_place(measured, gain, nearest, (row, column), places) if n_place else None
     sensor, reads = _wrong(measured.sensor, gain, force)
     return RigCheck(name=measured.name, sensor=sensor, reads=reads, force=force, pressure=_no_pressure(stack, pressure))
 
@@ -230,7 +230,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     close = 0.1
     fewest_points = 3  # Points that a sensor must have visited to be taken for one that roves.
     sound, sensor = np.ones(measured.sensor.size), measured.sensor
-    least = min(_distance(measured, sound, own, n_dof)[0] for own in modes)
+    least = min(_distance(measured, sound, one, n_dof)[0] for one in modes)
     number = int(sensor.max()) + 1
     roves = number > 1 and np.bincount(sensor).min() >= fewest_points
     if not roves or least < _WRONG or measured.frequency.size < _FEWEST_MODES:
@@ -242,7 +242,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
         for gain in _GAINS
         for sign in (1.0, -1.0)
     ]
-    distance = [min(_distance(measured, gain, own, n_dof)[0] for own in modes) for gain in tried]
+    distance = [min(_distance(measured, gain, one, n_dof)[0] for one in modes) for gain in tried]
     best = int(np.argmin(distance))
     if distance[best] > min(_RIGHT * least, close):
         return sound
@@ -251,11 +251,11 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
 
 def _refined(measured: ModalModel, gain: Vector, modes: Sequence[Modes], n_dof: int) -> Vector:
     """Return the factor of one sensor that fits the paired modes best, from one of those tried."""
-    own, (row, column) = _nearest(measured, gain, modes, n_dof)
+    nearest, (row, column) = _nearest(measured, gain, modes, n_dof)
     wrong = gain != 1.0
     if not row.size or not wrong.any():
         return gain
-    shape, model = measured.shape[:, row].real, own.shape[:n_dof, column]
+    shape, model = measured.shape[:, row].real, nearest.shape[:n_dof, column]
     along = [np.sum(shape[of] * model[of], axis=0) / np.sum(model[of] ** 2, axis=0) for of in (wrong, ~wrong)]
     found = float(np.sum(along[1] * along[0]) / np.sum(along[0] ** 2))
     return np.where(wrong & (abs(np.log(abs(found))) > np.log(_SCALE) or found < 0.0), found, 1.0)
@@ -265,8 +265,8 @@ def _nearest(
     measured: ModalModel, gain: Vector, modes: Sequence[Modes], n_dof: int
 ) -> tuple[Modes, tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Return the model's modes that are nearest over G_f, and which of them are which."""
-    found = [_distance(measured, gain, own, n_dof) for own in modes]
-    best = int(np.argmin([own[0] for own in found]))
+    found = [_distance(measured, gain, one, n_dof) for one in modes]
+    best = int(np.argmin([one[0] for one in found]))
     return modes[best], found[best][1:]
 
 
@@ -278,10 +278,10 @@ def _wrong(sensor: NDArray[np.int64], gain: Vector, force: ForcePlace | None) ->
     wrong = np.flatnonzero(gain != 1.0)
     if not wrong.size:
         return 0, 1.0
-    own, factor = int(sensor[wrong[0]]), float(gain[wrong[0]])
+    number, factor = int(sensor[wrong[0]]), float(gain[wrong[0]])
     if int(sensor.max()) == 1 and force is not None and _off(force.factor / factor) < _off(force.factor):
         return 1, factor
-    return own + 1, 1.0 / factor
+    return number + 1, 1.0 / factor
 
 
 def _off(factor: float) -> tuple[bool, float]:

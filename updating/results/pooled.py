@@ -357,7 +357,7 @@ def _cannot_tell(diagnosis: PooledDiagnosis) -> str:
     """Say which explanations the data do not separate, in effect or in level; name common terms once."""
     best, others = diagnosis.ranking[0], diagnosis.ranking[1 : diagnosis.left]
     what = "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
-    common = [part for part in best.parts if all(any(_is_same(part, own) for own in o.parts) for o in others)]
+    common = [part for part in best.parts if all(any(_is_same(part, other) for other in o.parts) for o in others)]
     listed = "; or ".join(_beside(common, explanation) for explanation in others[:_LISTED])
     more = f"; or {len(others) - _LISTED} more" if len(others) > _LISTED else ""
     where = f"beside {' and '.join(map(_named, common))} " if common else ""

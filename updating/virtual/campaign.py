@@ -209,8 +209,8 @@ def loaded_response(
         stiffness = np.stack([of.at(1j * line) for line in omega])
         flexibility = np.linalg.solve(stiffness, np.broadcast_to(rows.T, (omega.size, *rows.T.shape)))
         for group in groups:
-            own = rows[group] @ flexibility[:, :, group]
-            system = np.eye(group.size) - (omega**2 * mass)[:, None, None] * own
+            flexible = rows[group] @ flexibility[:, :, group]
+            system = np.eye(group.size) - (omega**2 * mass)[:, None, None] * flexible
             here = value[group, first : first + omega.size].T[:, :, None]
             value[group, first : first + omega.size] = np.linalg.solve(system, here)[:, :, 0].T
     return value
@@ -312,8 +312,8 @@ def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> 
         if test.dummy_masses:
             run_pole[:] = poles(bare.with_parts(rows, test.sensor_mass), pole, vector.real)[0]
         for k, row in enumerate(run_pole if not test.dummy_masses else ()):
-            own = rows[np.repeat(run, 3) == k]
-            row[:] = poles(bare.with_parts(own, test.sensor_mass), pole, vector.real)[0]
+            moving = rows[np.repeat(run, 3) == k]
+            row[:] = poles(bare.with_parts(moving, test.sensor_mass), pole, vector.real)[0]
     damping = -run_pole.real / np.abs(run_pole)
     frequency = np.abs(run_pole) / (2.0 * np.pi)
     return TrueModes(
@@ -399,9 +399,9 @@ def _estimated(
         response = response + floor * _normal(rng, response.shape)
         force = force + averaging.force_noise * _normal(rng, force.shape)
         cross = np.mean(response * force.conj(), axis=0)
-        own = np.mean(np.abs(force) ** 2, axis=0)
-        value[of, 0] = cross / own
-        coherence[of, 0] = np.abs(cross) ** 2 / own / np.mean(np.abs(response) ** 2, axis=0)
+        power = np.mean(np.abs(force) ** 2, axis=0)
+        value[of, 0] = cross / power
+        coherence[of, 0] = np.abs(cross) ** 2 / power / np.mean(np.abs(response) ** 2, axis=0)
     return value, coherence
 
 

@@ -404,9 +404,9 @@ def _chart(controller: Any) -> None:
             controller.send_pole_shape = moving_shapes("pole_shape", 445)
     with html.Div(classes="d-flex flex-wrap ga-1 align-center", id="poles"):
         vuetify3.VChip(
-            "{{ own.hertz.toFixed(1) }} Hz, {{ own.percent.toPrecision(3) }} %", v_for="own in poles",
-            key="own.hertz", closable=True, size="small",
-            click_close=(controller.toggle_pole, "[own.hertz, own.percent]"),
+            "{{ pole.hertz.toFixed(1) }} Hz, {{ pole.percent.toPrecision(3) }} %", v_for="pole in poles",
+            key="pole.hertz", closable=True, size="small",
+            click_close=(controller.toggle_pole, "[pole.hertz, pole.percent]"),
         )  # fmt: skip
         vuetify3.VBtn(
             "Write poles.txt", click=controller.write_poles, disabled=("poles.length === 0",), id="write-poles",

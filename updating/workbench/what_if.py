@@ -244,7 +244,7 @@ def _as_stated(stack: Stack, measured: ModalModel, kept: CandidateModel | None) 
 
 def _paired(tried: Tried, values: Sequence[Mapping[str, float]]) -> NDArray[np.bool_]:
     """Tell which measured modes pair where MAC values, those of subspaces for close modes, sum to most, (n_mode,)."""
-    pairs = [pair(tried.measured, tried.solved(own).elastic(), threshold=LEAST_MAC) for own in values]
+    pairs = [pair(tried.measured, tried.solved(value).elastic(), threshold=LEAST_MAC) for value in values]
     best = max(pairs, key=lambda p: float(np.sum(p.subspace_mac)))
     if best.measured.size == 0:
         raise FitError(

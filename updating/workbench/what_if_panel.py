@@ -304,15 +304,15 @@ def show(server: Any) -> None:
             )  # fmt: skip
             vuetify3.VProgressLinear(indeterminate=True, v_if="preparing")
             with (
-                html.Div(v_for="(own, i) in sliders", key="own.name", classes=(_STALE,)),
+                html.Div(v_for="(slider, i) in sliders", key="slider.name", classes=(_STALE,)),
                 html.Div(classes="mt-2 slider d-flex align-center flex-wrap"),
             ):
-                html.H2("{{ own.head }}", v_if="own.head", classes="text-subtitle-2 w-100 slider-head")
+                html.H2("{{ slider.head }}", v_if="slider.head", classes="text-subtitle-2 w-100 slider-head")
                 with html.Div(style="flex: 1 1 auto; min-width: 0"):
-                    html.Div("{{ own.name }} = <b>{{ own.text }}</b>", classes="text-body-2")
+                    html.Div("{{ slider.name }} = <b>{{ slider.text }}</b>", classes="text-body-2")
                     vuetify3.VSlider(
-                        model_value=("own.step",), min=0, max=STEPS, step=1, hide_details=True, density="compact",
-                        update_modelValue=(controller.move, "[i, $event]"), aria_label=("own.name",),
+                        model_value=("slider.step",), min=0, max=STEPS, step=1, hide_details=True, density="compact",
+                        update_modelValue=(controller.move, "[i, $event]"), aria_label=("slider.name",),
                     )  # fmt: skip
             with html.Div(classes="d-flex ga-2 mt-2"):
                 vuetify3.VBtn(
