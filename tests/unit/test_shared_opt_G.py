@@ -63,6 +63,7 @@ def test_an_effect_that_is_there_lowers_the_error_of_what_is_left_out_and_anothe
     assert wrong.error(wrong.mode_left_out) > 0.5 * base.error(base.mode_left_out)
 
 
+@pytest.mark.slow
 def test_a_mode_left_out_is_what_a_fit_without_it_predicts(stacks):
     noise = np.random.default_rng(0)
     noisy = [
@@ -96,6 +97,7 @@ def test_a_fit_of_nothing_is_refused(stacks):
         fit_shared_opt_G(blind, ["clamp_inertia"])
 
 
+@pytest.mark.slow
 def test_two_torques_show_the_law_of_pressure():
     law = pressure_law(simulated(["pressure_exponent"], {"exponent": EXPONENT}, [160e3, 320e3]))
     assert law.exponent == pytest.approx(EXPONENT, abs=1e-3)
