@@ -21,8 +21,8 @@ from playwright.sync_api import sync_playwright
 from updating.report.files import find_browser
 
 SIZE = {"width": 1200, "height": 860}
-COLOURS = 96
 SETTLED = 2500  # ms until what moves has come to rest
+READ = "[...document.querySelectorAll('.v-progress-linear')].every(bar => !bar.offsetParent || !bar.offsetHeight)"
 CODE = "from updating.commands.command_line import main; main()"
 OPEN = [sys.executable, "-u", "-c", CODE, "open"]
 
@@ -39,10 +39,11 @@ def workbench(folder: Path) -> Iterator[str]:
 
 
 def take(page: Any, path: Path) -> None:
-    """Write what the page shows now, with few colours."""
+    """Write what the page shows when all is read, with few colours, rare ones among them."""
+    page.wait_for_function(READ)
     page.wait_for_timeout(SETTLED)
     image = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    image.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def panels(page: Any, address: str, folder: Path) -> None:
@@ -51,6 +52,7 @@ def panels(page: Any, address: str, folder: Path) -> None:
     page.wait_for_selector("#points .js-plotly-plot")
     take(page, folder / "tutorial_measurement.png")
     page.get_by_role("tab", name="Identification").click()
+    page.frame_locator("iframe").get_by_role("button", name="Pause").wait_for()  # the shape moves
     take(page, folder / "tutorial_identification.png")
     page.get_by_role("tab", name="Comparison").click()
     take(page, folder / "tutorial_comparison.png")

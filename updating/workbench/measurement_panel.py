@@ -80,7 +80,7 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
         **axes,
         "aspectmode": "manual",
         "aspectratio": dict(zip("xyz", ratio.tolist(), strict=True)),
-        "camera": {"eye": {"x": -1.15, "y": -2.5, "z": 1.25}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}},
+        "camera": {"eye": {"x": -1.3, "y": -2.6, "z": 1.3}, "center": {"x": -0.15, "y": 0.0, "z": -0.1}},
         "uirevision": "kept",
     }
     return Chart(
