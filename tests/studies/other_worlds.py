@@ -190,7 +190,10 @@ def run(seed: int, kind: str, world: str, stack: str = "shipped") -> OtherCase:
 
 
 def _real(own: Explanation) -> float:
-    """Return the root mean square of what a fit leaves of frequencies, over the degrees of freedom that it leaves."""
+    """Return the root mean square of what a fit leaves of frequencies, over the degrees of freedom that it leaves.
+
+    Of modes that are set apart, none of the model's, the discrepancy says nothing.
+    """
     problem, size = own.problem, own.evidence.sizes.stiffness
     n, m = len(log_ratios(own)[0]), own.errors[0].value.shape[1]
     weight = np.vstack([e.weight @ (own.errors[0].shape.T @ e.shape).T for e in own.errors])
@@ -204,7 +207,9 @@ def _real(own: Explanation) -> float:
     fitted = np.einsum("ni,ij,nj->n", slope, covariance, slope)
     noise = problem.noise + size**2 * problem.discrepancy
     free = 1.0 - fitted / np.einsum("ni,ij,nj->n", of_frequency, noise, of_frequency)
-    return float(np.sqrt(np.sum(log_ratios(own)[0] ** 2) / np.sum(np.clip(free, 0.02, 1.0))))
+    numbered = [(c, r) for c, e in enumerate(own.errors) for r in range(len(e.value))]
+    of_model = np.array([mode not in own.apart for mode in numbered])
+    return float(np.sqrt(np.sum(log_ratios(own)[0][of_model] ** 2) / np.sum(np.clip(free[of_model], 0.02, 1.0))))
 
 
 def _whole(of: StackModel, found: Search, first: Explanation, made: Simulated) -> float | None:

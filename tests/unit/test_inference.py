@@ -87,6 +87,19 @@ def errors(state, x, coordinates=BASE):
     return equation_errors(state, modal, shape_noise(state, modal), len(coordinates))
 
 
+def test_shapes_of_modes_that_are_closer_than_their_frequencies_are_known_are_uncertain():
+    stiffness, mass, _ = matrices({})
+    state = measured(stiffness, mass)
+    modal = Chain((state,)).modal(np.zeros(2), 0)
+    apart = shape_noise(state, modal)
+    gap = 1e-3 * state.frequency[1]
+    close = replace(state, frequency=np.array([state.frequency[1] - gap, *state.frequency[1:]]))
+    noise = shape_noise(replace(close, frequency_std=np.full(N_MEASURED, 0.2 * gap)), modal)
+    turned = 0.2 * np.sqrt(2.0) / np.sqrt(len(ROWS))  # of the other mode, of unit length
+    np.testing.assert_allclose(noise[:2], turned, rtol=0.1)
+    np.testing.assert_array_less(noise[2:], 1.5 * apart[2:])
+
+
 def test_modes_of_the_model_leave_no_error():
     found = errors(measured(*matrices({})[:2], noise=1e-6), [0.0, 0.0])
     assert np.abs(found.value).max() < 1e-3

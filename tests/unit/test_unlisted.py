@@ -46,6 +46,18 @@ def test_what_only_resembles_the_hidden_is_not_named(monkeypatch):
     assert search(model, common, base, say=lambda _: None).chosen.terms == ("spot",)
 
 
+def test_a_term_that_is_needed_beside_the_rival_is_named_in_part(monkeypatch):
+    """A mass at another height than the term's: something unlisted does better, and the term beside it does best."""
+    model, common, base = of_base(states(0.4))
+    likelier = lambda among, at, changed=(): 1e6 + (100.0 if at.terms else 0.0)  # noqa: E731
+    monkeypatch.setattr(Search, "odds_unlisted", likelier)
+    found = search(model, common, base, say=lambda _: None)
+    assert found.chosen.terms == ("spot",)
+    assert decide(found).verdict == "partly explained"
+    monkeypatch.setattr(Search, "odds_unlisted", lambda *_: 1e6)
+    assert search(model, common, base, say=lambda _: None).chosen.terms == ()
+
+
 def test_what_is_left_of_several_terms_is_weighed_against_the_rival_too(monkeypatch):
     """The step to several terms was weighed; a part of them that remains was not."""
     model, common, base = of_base(with_mass(10, 1.0))

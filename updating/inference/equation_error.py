@@ -134,7 +134,9 @@ class Errors:
 def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float = 0.7) -> Vector:
     """Return the standard deviation of a component of each measured shape, (n,), by what no mode of the model reaches.
 
-    It is estimated once for all fits that are compared: a fit must not call its misfit noise.
+    It is estimated once for all fits that are compared: a fit must not call its misfit noise. What makes the frequency
+    of a mode uncertain, such as sensors that load it from run to run, also turns its shape towards those of close
+    modes, by the ratio of the uncertainty to the distance (first-order perturbation); modes of the model reach that.
 
     Parameters
     ----------
@@ -149,7 +151,11 @@ def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float
     rest = state.shape - modal.rows @ la.lstsq(modal.rows, state.shape, cond=1e-3)[0]
     rough = np.sqrt(np.sum(rest**2, axis=0) / max(n_dof - m, 1))
     floor = max(share * float(np.median(rough)), least / np.sqrt(n_dof))
-    return np.asarray(np.hypot(np.maximum(rough, floor), state.shape_std))
+    uncertain = np.hypot(state.frequency_std[:, None], state.frequency_std)
+    apart = np.abs(state.frequency[:, None] - state.frequency)
+    np.fill_diagonal(apart, np.inf)
+    turned = np.sqrt(np.sum((uncertain / np.hypot(uncertain, apart)) ** 2, axis=1) / n_dof)
+    return np.asarray(np.hypot(np.hypot(np.maximum(rough, floor), state.shape_std), turned))
 
 
 def equation_errors(

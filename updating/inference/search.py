@@ -298,9 +298,14 @@ def search(
 
 
 def _listed(among: Search, new: Explanation, old: Explanation) -> bool:
-    """Tell whether an explanation is not less probable than something unlisted in place of its further terms."""
+    """Tell whether something unlisted does not make the further terms of an explanation needless.
+
+    It does where it is clearly more probable in their place, unless they are clearly needed beside it as well: then
+    they have the right form in the main.
+    """
     further = [name for name in new.terms if name not in old.terms]
-    return among.odds(new) > among.odds_unlisted(old, further) - SEPARATE
+    instead = among.odds_unlisted(old, further)
+    return among.odds(new) > instead - SEPARATE or among.odds_unlisted(new, further) > instead + SEPARATE
 
 
 def _refitted(model: Model, common: Setting, fit: Explanation, steps: int = 8) -> Explanation:
