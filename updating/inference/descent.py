@@ -10,19 +10,19 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.discrepancy import Problem, Sizes
+from updating.inference.discrepancy import Sizes
 from updating.inference.explain import (
     DAMP,
     Cost,
     Setting,
     coordinates_of,
+    errors_at,
     evidence_of,
     log_prior_apart,
     step_within,
     weighed_at,
 )
 from updating.inference.protocol import LocalModel, Model, Term
-from updating.inference.tree import TreeProblem
 
 Vector = NDArray[np.float64]
 
@@ -57,7 +57,6 @@ class Descent:
     to: Vector
     fall: float
     ended: bool = False
-    _problem: Problem | TreeProblem
     _slope: Vector
     _hessian: Vector
     _damp: float
@@ -68,8 +67,8 @@ class Descent:
 
         Costs at the sizes of a model that is far off hardly tell a good end from one that is less bad.
         """
-        coordinates = coordinates_of(self.model, self.terms)
-        return evidence_of(self._problem, self.x, coordinates, self.setting, self.sizes)[0].log
+        problem = self.setting.join(errors_at(self.model, self.local, self.setting, self.x), self.x.size)
+        return evidence_of(problem, self.x, coordinates_of(self.model, self.terms), self.setting, self.sizes)[0].log
 
     def further(self, *, small: float = 1.0) -> Descent:
         """Return where one more step leads; one that raises the cost is damped more the next time.
@@ -119,7 +118,6 @@ def begun(
         cost=Cost(precision, sizes).total(problem, white, x) - log_prior_apart(setting.apart),
         to=to,
         fall=fall,
-        _problem=problem,
         _slope=slope,
         _hessian=hessian,
         _damp=damp,
