@@ -125,8 +125,8 @@ def test_many_runs_that_differ_are_one_line():
 
 def test_chance_is_rarely_taken_for_a_mass():
     causes = []
-    for seed in range(50):
+    for seed in range(25):
         rng = np.random.default_rng([5, seed])
         causes.append(changes(roved(1e-4 * rng.standard_normal((6, 3)), shape=rng.random((6, 3)))).cause)
     assert causes.count("sensor mass") <= 1
-    assert causes.count("scatter") >= 48
+    assert causes.count("scatter") >= 24

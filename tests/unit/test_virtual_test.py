@@ -9,7 +9,8 @@ import pytest
 
 import ema
 import model
-from tests.studies.modal_data import QUICK_MESH, ModalNoise, simulate_modes
+from tests.studies import modal_data
+from tests.studies.modal_data import ModalNoise, simulate_modes
 from updating.errors import FitError
 from updating.results.store import digest
 from updating.virtual.campaign import (
@@ -115,6 +116,12 @@ def reduced_once(monkeypatch):
         return REDUCED[key]
 
     monkeypatch.setattr(model, "reduce", kept)
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    """Draw modal data on a coarse mesh: what is asked of them is asked of any."""
+    monkeypatch.setattr(modal_data, "QUICK_MESH", model.Mesh(n_x=10, n_y=3))
 
 
 def test_the_bench_holds_what_was_given_and_what_the_seed_draws(test):
@@ -243,7 +250,7 @@ def test_files_are_read_back_as_simulated_and_the_same_seed_gives_the_same_bytes
     assert "contact_loss" not in text
 
 
-def test_modal_data_scatter_as_stated(test, reduced_once):
+def test_modal_data_scatter_as_stated(test, reduced_once, coarse):
     one = replace(test, configurations=test.configurations[:1], deviation={}, spread={})
     noise = ModalNoise(frequency=1e-3, damping=0.05, shape=0.02)
     measured, true = simulate_modes(one, noise)["M1"]
@@ -256,7 +263,7 @@ def test_modal_data_scatter_as_stated(test, reduced_once):
     np.testing.assert_array_equal(again.shape, measured.shape)
 
 
-def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch, reduced_once):
+def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch, reduced_once, coarse):
     one = replace(test, configurations=test.configurations[:1], deviation={}, spread={})
     drawn, _ = simulate_modes(one, ModalNoise())["M1"]
 
@@ -269,13 +276,13 @@ def test_the_sign_of_a_solver_does_not_change_what_is_drawn(test, monkeypatch, r
     np.testing.assert_array_equal(again.shape, drawn.shape)
 
 
-def test_upper_modes_are_true_as_well(test):
+def test_upper_modes_are_true_as_well(test, coarse):
     """Soft contact brings many modes into the band; the reduction must hold for all that are simulated."""
     soft = replace(test.configurations[0], G_f=300.0)
     one = replace(test, configurations=(soft,), deviation={}, spread={}, force_cell_mass=0.0)
     one = replace(one, stinger_stiffness=0.0, sensor_mass=0.0)
     _, true = simulate_modes(one, ModalNoise())["M1"]
-    (specimen,) = specimens(replace(one, stack=replace(one.stack, mesh=QUICK_MESH)))
+    (specimen,) = specimens(replace(one, stack=replace(one.stack, mesh=modal_data.QUICK_MESH)))
     system = model.reduce(specimen.stack, G_f_range=(270.0, 330.0), n_snapshot=2, n_mode=24)
     exact = model.refine(system, G_f=300.0, n_mode=22).frequency[6:]
     np.testing.assert_allclose(true.frequency, exact, rtol=1e-3)
