@@ -76,6 +76,9 @@ def test_the_stated_terms_are_fitted(structure, measured):
     assert fit.error < 5e-4 < fit.initial_error
     assert fit.pairing.paired_mac.min() > 0.999
     assert not fit.at_bound
+    assert not any("frequency error" in finding for finding in fit.findings)
+    unmet = replace(fit, error=0.9 * fit.initial_error)
+    assert "less than half of the frequency error" in unmet.findings[0]
 
 
 def test_nothing_is_missing_where_nothing_is(structure, measured):

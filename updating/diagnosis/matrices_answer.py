@@ -48,6 +48,8 @@ class MatricesFit(ModelFit):
         Mean relative frequency error before the fit.
     initial_mac : (n_pair,) float
         MAC of the pairs before the fit.
+    stated_error : float
+        Mean relative deviation that the measurement states of these frequencies.
     """
 
     moved: tuple[Moved, ...]
@@ -55,6 +57,7 @@ class MatricesFit(ModelFit):
     together: tuple[str, ...]
     initial_error: float
     initial_mac: Vector
+    stated_error: float
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -65,6 +68,14 @@ class MatricesFit(ModelFit):
                 0,
                 f"{self.name}: {', '.join(self.at_bound)} ended at the end of what the structure file allows: a sign "
                 "that something is missing there that these terms make up for; lamella diagnose asks what",
+            )
+        if self.error > max(0.5 * self.initial_error, 3.0 * self.stated_error):
+            found.insert(
+                0,
+                f"{self.name}: the terms take away less than half of the frequency error: {self.error:.2%} of "
+                f"{self.initial_error:.2%} stays, where the measurement states {self.stated_error:.2%}: shapes and "
+                "priors allow no values that meet the frequencies, so something is missing that no term describes, or "
+                "the priors are too narrow; lamella diagnose asks what",
             )
         return tuple(found)
 
@@ -123,6 +134,7 @@ def fit_matrices(
         together=_together(model, own),
         initial_error=frequency_error(measured.frequency[pairing.measured], before.frequency[column]),
         initial_mac=first.mac[pairing.measured, column],
+        stated_error=float(np.mean((measured.frequency_std / measured.frequency)[pairing.measured])),
     )
 
 
