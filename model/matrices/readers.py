@@ -255,8 +255,8 @@ def _full(path: Path, target: Target) -> Entries:
         from ansys.mapdl.reader import read_binary  # an extra
     except ImportError:
         refuse(
-            f"{path}: .full files need the package ansys-mapdl-reader (pip install ansys-mapdl-reader); or write "
-            "text with *EXPORT, MMF"
+            f"{path}: .full files need ansys-mapdl-reader, which pip install 'lamella[ansys]' brings; or write text "
+            "with *EXPORT, MMF"
         )
     try:
         whole = read_binary(str(path)).load_km(sort=False)
