@@ -128,6 +128,7 @@ def test_extras_bring_what_commands_say_they_lack():
     sold_as = {"vtkmodules": "pyvista", "pptx": "python-pptx", "aiohttp": "trame"}  # the last brings it
     for package, extra in EXTRAS.items():
         assert sold_as.get(package, package) in brought[extra] - core
+    assert "ansys-mapdl-reader" in brought["ansys"]  # as the reader of .full files says
 
 
 @pytest.mark.parametrize(("package", "extra"), EXTRAS.items())
