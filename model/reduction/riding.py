@@ -40,6 +40,10 @@ class RidingPart(Analytic):
     riding: Riding
     part: Part
 
+    def eigenvalue(self, theta: Theta) -> float:
+        """Return that of what rides on its seat, the structure being held, (rad/s)**2; of the part "own"."""
+        return _STIFFNESS / float(np.real(self(theta)))
+
     def function(self, theta: Theta, /) -> Any:
         """Return the mass, kg, real or complex."""
         # Frequency, Hz, at which a mass rides on a seat without compliance: infinite, were masses of 0 allowed.

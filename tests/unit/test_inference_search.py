@@ -1,12 +1,13 @@
 """The search and its decision on a chain of masses: what is missing is named, twins are not told apart."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from tests.unit.test_inference import BASE, TERM, Chain, matrices, measured
 from updating.inference.decide import decide
+from updating.inference.descent import raced
 from updating.inference.discrepancy import SizePrior
 from updating.inference.explain import coordinates_of, errors_at, explain, setting, step_within
 from updating.inference.left_out import LeftOut, left_out
@@ -191,3 +192,30 @@ def test_a_step_does_not_crawl_along_a_valley_in_which_priors_alone_tell_where_t
     hessian = np.full((2, 2), 1e7) + np.diag(priors)
     to = step_within(priors * x, hessian, x, (pulled, new))
     assert to == pytest.approx([0.0, 0.2], abs=0.01)
+
+
+@dataclass(frozen=True)
+class Runner:
+    """A descent whose steps lower its cost as they were listed."""
+
+    falls: tuple[float, ...]
+    cost: float = 0.0
+
+    @property
+    def ended(self):
+        return not self.falls
+
+    @property
+    def fall(self):
+        return self.falls[0]
+
+    def further(self):
+        return Runner(self.falls[1:], self.cost - self.falls[0])
+
+
+def test_a_start_runs_on_while_its_steps_can_still_lead_near_the_best():
+    """One far behind that falls steeply wins later; one that hardly falls is left where it is."""
+    best, late, flat = Runner((50.0,)), Runner((30.0,) * 12, 300.0), Runner((1.0,) * 12, 100.0)
+    ends = raced([best, late, flat], steps=5, later=10, behind=12.0)
+    assert ends == [Runner((), -50.0), Runner((30.0,) * 7, 150.0)]
+    assert raced([best, late, flat], steps=5, later=0, behind=12.0) == ends[:1]

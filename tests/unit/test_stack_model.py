@@ -12,6 +12,7 @@ from model.effects.parts import known_or_usual_instruments
 from updating.diagnosis import evidence
 from updating.diagnosis.candidates import N_MODEL, candidate_model
 from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.fit_settings import coordinate_of
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.equation_error import equation_errors
 from updating.inference.explain import coordinates_of
@@ -27,7 +28,7 @@ N_COMPARED = 5  # the next two are close, and the correction of so coarse a mesh
 @pytest.fixture(scope="module")
 def whole():
     instruments = known_or_usual_instruments(STACK)
-    effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction", "added_mass")}
+    effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction", "added_mass", "loose_clamp")}
     n = len(instruments.sensor)
     observation = Observation(
         node=np.arange(n), location=instruments.sensor, direction=np.tile([0.0, 0.0, 1.0], (n, 1))
@@ -112,6 +113,20 @@ def test_on_the_small_basis_of_a_term_modes_are_those_of_the_large_one(whole, st
             np.testing.assert_allclose(value[6:], expected[6:], rtol=within)
 
 
+def test_a_clamp_that_does_not_ride_adds_no_equations(whole):
+    """With more equations than the base model a loose clamp without any looseness was likelier than that by e**13."""
+    base, coordinates = whole.nuisances, coordinates_of(whole, [whole.terms["loose_clamp"]])
+    neutral = np.zeros(len(coordinates))
+    without = whole.about(base, [neutral[: len(base)]]).modal(neutral[: len(base)], 0).eigenvalue
+    near = whole.about(coordinates, [neutral])
+    np.testing.assert_allclose(near.modal(neutral, 0).eigenvalue[6:], without[6:], rtol=1e-4)
+    rides = {"clamp_number": 0.0, "clamp_compliance": 1e-7}
+    at = np.array(
+        [coordinate_of(whole.parameters[c.name], rides[c.name]) if c.name in rides else 0.0 for c in coordinates]
+    )
+    assert near.modal(at, 0).eigenvalue.size > without.size
+
+
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.333), (0.333, 0.0), (-0.5, 0.5), (0.0, 0.0)])
 def test_a_screen_knows_what_a_mass_changes_wherever_it_sits(whole, x, y):
     """Fits start with a mass on the axes too, where one of its coordinates is neutral."""
@@ -121,7 +136,7 @@ def test_a_screen_knows_what_a_mass_changes_wherever_it_sits(whole, x, y):
     at = np.zeros(len(names))
     at[[names.index(n) for n in ("added_mass", "added_x", "added_y")]] = 0.3, x, y
     _, every, here = near.solved(np.zeros(at.size), 0)
-    expected = every.T @ (near.solved(at, 0)[2]["M"] - here["M"]) @ every[:, : near.n_equation]
+    expected = every.T @ (near.solved(at, 0)[2]["M"] - here["M"]) @ every[:, : whole.n_equation]
     change = near.screen(np.zeros(at.size), 0).change(at)
     assert np.abs(expected).max() > 1e-3
     np.testing.assert_allclose(change.mass[0][0], expected, atol=1e-9 * np.abs(expected).max())

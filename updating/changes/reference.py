@@ -249,8 +249,7 @@ def fit_reference(
         start=evidence.start["G_f"],
     )
     common, fit = begin(model, shares=SHARES, starts=[start_of(model, evidence)], priors=priors_of(evidence.scatter))
-    # a rigid edge is so far off that a few steps do not tell which of the terms will end the lowest: none is left out
-    for one in extended(model, common, fit, behind=np.inf)[:1] if model.effects else ():
+    for one in extended(model, common, fit)[:1] if model.effects else ():
         own = explain(model, [model.terms[name] for name in one.terms], common, one.x)
         fit = own if own.log_evidence > fit.log_evidence else fit
     return StackReference(candidates=candidates, tested=tuple(tested), model=model, fit=fit)

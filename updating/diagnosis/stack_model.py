@@ -122,7 +122,8 @@ class StackModel:
         self.places = candidates.places
         everywhere = {**self.equations.theta, OMEGA: 2.0 * np.pi * _MIDDLE}
         self._names = [frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms]
-        self.n_equation = n_equation or self._within(above)
+        self._top = (2.0 * np.pi * above * max(float(state.frequency.max()) for state in self.states)) ** 2
+        self.n_equation = n_equation or self._within()
         self._near: dict[tuple[Hashable, ...], StackNear] = {}
         self.mesh: FinerMesh = FinerMesh(candidates) if like is None else like.mesh
         self._finer: dict[tuple[int, ...], tuple[Vector | None, Vector]] = {} if like is None else like._finer
@@ -163,27 +164,34 @@ class StackModel:
             settings=settings or self.settings,
         )
 
-    def _within(self, above: float, *, spare: int = 4) -> int:
-        """Return how many modes lie below `above` times the band's end, and `spare` more than were measured at least.
+    def _within(self, *, spare: int = 4) -> int:
+        """Return how many modes lie where equations are looked at, and `spare` more than were measured at least.
 
         What is missing may lower frequencies, and a mode that was measured must not be one beyond all equations.
         """
         theta = self.theta({"G_f": self.start}, 0)[0]
         value = la.eigh(self.equations.matrix("K", theta), self.equations.matrix("M", theta), eigvals_only=True)
-        top = above * max(float(state.frequency.max()) for state in self.states)
         rigid = int(np.count_nonzero(value < self.rigid))
         most = max(state.frequency.size for state in self.states)
-        return max(int(np.count_nonzero(value < (2.0 * np.pi * top) ** 2)), rigid + most + spare)
+        return max(int(np.count_nonzero(value < self._top)), rigid + most + spare)
 
     def n_riding(self, names: Collection[str]) -> int:
         """Return how many modes what rides on the structure has, where coordinates let it: one of all that can."""
-        return max((n for moved_by, n in self._riding if moved_by.intersection(names)), default=0)
+        return max((n for part, n in self._riding if part.names(self.equations.theta) & set(names)), default=0)
+
+    def n_riding_within(self, theta: Mapping[str, float]) -> int:
+        """Return how many of these lie where equations are looked at, at parameters of the model.
+
+        A rider that hardly moves on its seat has its modes far above; equations of further modes of the structure in
+        place of these would be more than other models have, and no evidence for it.
+        """
+        return max((n for part, n in self._riding if part.eigenvalue(theta) < self._top), default=0)
 
     @cached_property
-    def _riding(self) -> list[tuple[frozenset[str], int]]:
-        """The parameters of what rides on the structure, and the number of its motions."""
+    def _riding(self) -> list[tuple[RidingPart, int]]:
+        """The masses of what rides on the structure, and the number of its motions."""
         return [
-            (term.factor.names(self.equations.theta), int(np.count_nonzero(np.diag(full(term.matrix)) > 0.5)))
+            (term.factor, int(np.count_nonzero(np.diag(full(term.matrix)) > 0.5)))
             for term in self.equations.terms
             if isinstance(term.factor, RidingPart) and term.factor.part == "own"
         ]

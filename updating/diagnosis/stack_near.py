@@ -328,12 +328,13 @@ class StackNear:
         at = dict(zip(self.names, x.tolist(), strict=True))
         theta, slope = self.whole.theta(at, state)
         value, vectors, matrix = solved or self.solved(x, state)
-        vector, beyond = vectors[:, : self.n_equation], value[self.n_equation :]
-        value = value[: self.n_equation]
+        n = self._n_equation(at)
+        vector, beyond = vectors[:, :n], value[n:]
+        value = value[:n]
         n_rigid = int(np.count_nonzero(value < self.whole.rigid))
         value[:n_rigid] = 0.0
-        between = self._between(vectors)
-        moves, stiffness, mass = self._moves(theta, slope, state, vectors, between)
+        between = self._between(vectors, vector)
+        moves, stiffness, mass = self._moves(theta, slope, state, vectors, vector, between)
         damping, damps = self._losses(theta, slope, state, vector, matrix["C"])
         if DECAY in self.at:
             inertia = vector.T @ matrix["M"] @ vector
@@ -343,7 +344,7 @@ class StackNear:
         slipping = self._slipping(at, state)
         if slipping is not None:
             G = self._columns("G_f", state)
-            (contact,) = stiffness[moves == G[0], : self.n_equation]  # what the contact holds
+            (contact,) = stiffness[moves == G[0], :n]  # what the contact holds
             softer, lossy = slipping
             omega = 2.0 * np.pi * self.whole.measured[state].state.frequency
             for i, change in ((None, softer[0]), *softer[1].items(), *((i, softer[0]) for i in G)):
@@ -366,17 +367,17 @@ class StackNear:
             shape=vector,
             rows=rows,
             moves=moves,
-            stiffness=stiffness[:, : self.n_equation],
-            mass=mass[:, : self.n_equation],
+            stiffness=stiffness[:, :n],
+            mass=mass[:, :n],
             beyond=beyond,
-            beyond_rows=self._gained(at, state)[:, None] * (self.rows[state] @ vectors[:, self.n_equation :]),
-            beyond_stiffness=stiffness[:, self.n_equation :],
-            beyond_mass=mass[:, self.n_equation :],
+            beyond_rows=self._gained(at, state)[:, None] * (self.rows[state] @ vectors[:, n:]),
+            beyond_stiffness=stiffness[:, n:],
+            beyond_mass=mass[:, n:],
             damping=damping,
             damps=np.array(sorted(damps), dtype=np.intp),
-            damping_change=np.array(
-                [np.broadcast_to(damps[i], (n_each, self.n_equation, self.n_equation)) for i in sorted(damps)]
-            ).reshape(-1, n_each, self.n_equation, self.n_equation),
+            damping_change=np.array([np.broadcast_to(damps[i], (n_each, n, n)) for i in sorted(damps)]).reshape(
+                -1, n_each, n, n
+            ),
             looks=np.array(looks, dtype=np.intp),
             row_change=np.array(changes).reshape(-1, *rows.shape),
             of_mode=of_mode,
@@ -384,9 +385,13 @@ class StackNear:
             of_mode_change=np.array([of_mode_change[i] for i in sorted(of_mode_change)]),
         )
 
-    def _between(self, vectors: Vector) -> dict[str, Vector]:
+    def _n_equation(self, at: Mapping[str, float]) -> int:
+        """Return how many equations are looked at in all states at coordinates, those of what rides included."""
+        thetas = (self.whole.theta(at, c)[0] for c in range(len(self.rows)))
+        return self.whole.n_equation + max(map(self.whole.n_riding_within, thetas))
+
+    def _between(self, vectors: Vector, low: Vector) -> dict[str, Vector]:
         """Return the terms of K and M between all modes and those in equations, (n_part, size, n_equation)."""
-        low = vectors[:, : self.n_equation]
         return {t: vectors.T @ (self.stacked[t] @ low) if self.of_target[t] else np.zeros(0) for t in "KM"}
 
     def solved(self, x: Vector, state: int) -> tuple[Vector, Vector, dict[str, Vector]]:
@@ -425,6 +430,7 @@ class StackNear:
         slope: Mapping[str, float],
         state: int,
         vectors: Vector,
+        low: Vector,
         between: Mapping[str, Vector],
     ) -> tuple[NDArray[np.intp], Vector, Vector]:
         """Return the coordinates that move K or M, and the derivatives between all modes and the lowest by these.
@@ -443,13 +449,11 @@ class StackNear:
                     rate = p.factor.derivative(theta, name) * slope[name]
                     for i in columns[name]:
                         weight[row[i], j] += rate
-            change = np.zeros((len(moves), self.size, self.n_equation))
+            change = np.zeros((len(moves), self.size, low.shape[1]))
             if parts:
                 change += np.tensordot(weight, between[target], 1)
             if linear:
-                change[[row[i] for i in linear]] += vectors.T @ (
-                    self.linear[target][state] @ vectors[:, : self.n_equation]
-                )
+                change[[row[i] for i in linear]] += vectors.T @ (self.linear[target][state] @ low)
             derivatives.append(change)
         return np.array(moves, dtype=np.intp), derivatives[0], derivatives[1]
 
@@ -490,7 +494,7 @@ class StackNear:
         for p, block in zip(self.of_target["K"], between["K"], strict=True):
             if OMEGA not in p.names:
                 continue
-            square = block[: self.n_equation]
+            square = block[: block.shape[1]]
             away = np.array([p.factor(t) for t in at_modes]) - p.factor(theta)
             if np.any(away):
                 change = away[:, None, None] * square

@@ -24,7 +24,6 @@ class Near(Protocol):
     of_target: dict[str, Any]
     stacked: dict[str, Any]
     size: int
-    n_equation: int
     whole: Any
 
     def modal(self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None) -> Modal:
@@ -56,7 +55,7 @@ class StackScreen:
         self.near, self.x, self.state = near, x, state
         solved = near.solved(x, state)
         self.modal, vectors = near.modal(x, state, solved), solved[1]
-        m = near.n_equation
+        m = self._n = self.modal.eigenvalue.size
         self._blocks, self._beyond = dict[str, Vector](), dict[str, Vector]()
         for t in "KMC":
             if near.of_target[t]:
@@ -114,11 +113,11 @@ class StackScreen:
             sums = [np.tensordot(weight, block[acting], 1) for block in blocks]
             return [(block[0], block[1:]) for block in sums]
 
-        none = np.zeros((0, near.size, near.n_equation))
+        none = np.zeros((0, near.size, self._n))
         (stiffness, far), (mass, heavy) = (
-            summed(t, self._blocks.get(t, none), self._beyond.get(t, none[:, near.n_equation :, 0])) for t in ENERGIES
+            summed(t, self._blocks.get(t, none), self._beyond.get(t, none[:, self._n :, 0])) for t in ENERGIES
         )
-        (damping,) = summed("C", self._blocks.get("C", none[:, : near.n_equation]))
+        (damping,) = summed("C", self._blocks.get("C", none[:, : self._n]))
         return Change(
             moved=np.array(moved, dtype=np.intp),
             stiffness=stiffness,

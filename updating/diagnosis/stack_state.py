@@ -71,6 +71,9 @@ class Whole(Protocol):
     def n_riding(self, names: Collection[str]) -> int:
         """Return how many modes what rides on the structure has, where coordinates let it."""
 
+    def n_riding_within(self, theta: Mapping[str, float]) -> int:
+        """Return how many of these lie where equations are looked at, at parameters of the model."""
+
     def finer_mesh(self, theta: Mapping[str, float]) -> tuple[Vector | None, Vector]:
         """Return what a finer mesh adds to the stiffness between the modes of the plain stack, and M times these."""
 

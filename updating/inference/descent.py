@@ -133,14 +133,16 @@ def _ahead(
     return to, -float(slope @ step + 0.5 * step @ hessian @ step)
 
 
-def raced(descents: Sequence[Descent], *, steps: int, behind: float) -> list[Descent]:
-    """Return descents after at most `steps` further steps each.
+def raced(descents: Sequence[Descent], *, steps: int, later: int, behind: float) -> list[Descent]:
+    """Return the descents that may come near the lowest cost, after at most `steps` further steps each.
 
-    One goes on as long as it would come within `behind` of the lowest cost if each of the steps that are left lowered
-    its cost by as much as the next is expected to.
+    One goes on, and is returned, as long as it would come within `behind` of the lowest cost if each of the steps that
+    are left lowered its cost by as much as the next is expected to. After the race a fit may take `later` more.
     """
     going = list(descents)
-    for left in range(steps, 0, -1):
-        lowest = min((d.cost for d in going), default=np.inf)
-        going = [d.further() if not d.ended and d.cost - left * d.fall < lowest + behind else d for d in going]
+    for left in range(steps, -1, -1):
+        limit = min((d.cost for d in going), default=np.inf) + behind
+        going = [d for d in going if d.cost - (0.0 if d.ended else (left + later) * d.fall) <= limit]
+        if left:
+            going = [d if d.ended else d.further() for d in going]
     return going

@@ -106,11 +106,12 @@ def screened(
     carried: int = 2,
     steps: int = 5,
     weak: float = 0.1,
+    later: int = 10,
     behind: float = 12.0,
 ) -> dict[str, Descent]:
     """Return where a few steps with each further term lead, by its name, the likeliest first.
 
-    Of terms that end more than `behind` above the lowest cost, nothing is returned.
+    Of terms that cannot come near the lowest cost, nothing is returned (see `raced`).
 
     Parameters
     ----------
@@ -132,8 +133,9 @@ def screened(
         what one step promises far off is little more than a rank.
     weak : float
         Terms of several coordinates also start at this share of their starts; those of one coordinate at neutral.
-    behind : float
-        How far above the lowest cost, at given sizes of the discrepancy, an end may be (see `raced`).
+    later, behind : int, float
+        Steps that a fit may take from there, and how far above the lowest cost, at given sizes of the discrepancy, it
+        may end then (see `raced`).
     """
     coordinates = coordinates_of(model, [*present, *further])
     index = {c.name: i for i, c in enumerate(coordinates)}
@@ -183,10 +185,9 @@ def screened(
             of_origin = {o: i for i, (o, _) in reversed(list(enumerate(tried)))}
             best = sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
             descents.setdefault(name, []).extend(tried[i][1] for i in best)
-    ends = raced([d for of_name in descents.values() for d in of_name], steps=steps, behind=behind)
-    lowest = min((end.cost for end in ends), default=np.inf)
+    ends = raced([d for of_name in descents.values() for d in of_name], steps=steps, later=later, behind=behind)
     best_of = dict[str, Descent]()
-    for end in sorted((end for end in ends if end.cost <= lowest + behind), key=lambda end: -end.log_evidence):
+    for end in sorted(ends, key=lambda end: -end.log_evidence):
         best_of.setdefault(end.terms[-1].name, end)
     return best_of
 

@@ -342,10 +342,10 @@ def extended(
 ) -> list[Explanation]:
     """Fit each further term beside an explanation on a basis about where it starts, the likeliest first.
 
-    Terms are ordered as `screened` has them. The `least` likeliest, and of the `last` likeliest those that
-    lower the cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`; those that end
-    `behind` the best take none. Modes that the explanation sets apart may be those of what is missing, so that all is
-    tried with these as well.
+    Terms are ordered as `screened` has them. The `least` likeliest, and of the `last` likeliest those that lower the
+    cost by `gain`, take up to `steps`, as long as each lowers it by more than `small`; those that would end `behind`
+    the best take none. Modes that the explanation sets apart may be those of what is missing, so that all is tried with
+    these as well.
     """
     present = [model.terms[n] for n in at.terms]
     further = [t for n, t in model.terms.items() if n not in at.terms]
@@ -366,7 +366,7 @@ def extended(
     fits = dict[str, Explanation]()
     sizes, none = at.evidence.sizes, frozenset[tuple[int, int]]()
     settings = [replace(common, apart=apart) for apart in dict.fromkeys((at.apart, none))]
-    reached = screened(model, settings, present, further, origins, local, sizes, behind=behind)
+    reached = screened(model, settings, present, further, origins, local, sizes, later=steps, behind=behind)
     now = begun(model, present, settings[0], at.x, local[0].of(at.coordinates), sizes)
     for i, (name, end) in enumerate(list(reached.items())[:last]):
         if i >= least and now.cost - now.fall - end.cost < gain:
