@@ -136,7 +136,8 @@ def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float
 
     It is estimated once for all fits that are compared: a fit must not call its misfit noise. What makes the frequency
     of a mode uncertain, such as sensors that load it from run to run, also turns its shape towards those of close
-    modes, by the ratio of the uncertainty to the distance (first-order perturbation); modes of the model reach that.
+    modes, measured or of the model alone, by the ratio of the uncertainty to the distance (first-order perturbation);
+    modes of the model reach that.
 
     Parameters
     ----------
@@ -148,12 +149,16 @@ def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float
         Smallest noise, relative to the median over the modes: no shape is much better than the others.
     """
     n_dof, m = modal.rows.shape
-    rest = state.shape - modal.rows @ la.lstsq(modal.rows, state.shape, cond=1e-3)[0]
+    coordinates = la.lstsq(modal.rows, state.shape, cond=1e-3)[0]
+    rest = state.shape - modal.rows @ coordinates
     rough = np.sqrt(np.sum(rest**2, axis=0) / max(n_dof - m, 1))
     floor = max(share * float(np.median(rough)), least / np.sqrt(n_dof))
-    uncertain = np.hypot(state.frequency_std[:, None], state.frequency_std)
-    apart = np.abs(state.frequency[:, None] - state.frequency)
+    modelled = np.sqrt(np.maximum(modal.eigenvalue, 0.0)) / (2.0 * np.pi)
+    uncertain = np.hypot(state.frequency_std[:, None], np.concatenate([state.frequency_std, np.zeros(m)]))
+    apart = np.abs(state.frequency[:, None] - np.concatenate([state.frequency, modelled]))
     np.fill_diagonal(apart, np.inf)
+    known = np.argmax(np.abs(coordinates), axis=0)  # of the model's modes, those that were measured
+    apart[:, state.frequency.size + known] = np.inf
     turned = np.sqrt(np.sum((uncertain / np.hypot(uncertain, apart)) ** 2, axis=1) / n_dof)
     return np.asarray(np.hypot(np.hypot(np.maximum(rough, floor), state.shape_std), turned))
 
