@@ -326,8 +326,9 @@ def read_points(path: Path, unit: Unit) -> Geometry:
 
 def point_columns(head: str) -> tuple[str, tuple[str, ...]]:
     """Return what separates the columns of a list of points, by its first row, and what they are called."""
-    delimiter = next((d for d in ";\t," if d in head), ",")
-    return delimiter, tuple(_point_column(name) for name in next(csv.reader([head], delimiter=delimiter), []))
+    mark = next((d for d in ";\t," if d in head), ",")
+    delimiter = next(name for name, separator in SEPARATORS.items() if separator == mark)
+    return mark, tuple(map(_point_column, cells_of(head, delimiter)))
 
 
 def _point_column(title: str) -> str:
