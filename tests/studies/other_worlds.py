@@ -42,7 +42,7 @@ RECORD = BLIND / "other_worlds.jsonl"
 """The cases of the published table."""
 STACKS_RECORD = RECORD.with_name("three_stacks.jsonl")
 """Those of three stacks in turn, with later rules."""
-FIRST_SEED, FIRST_OF_STACKS = 987_000, 782_100
+FIRST_SEED, FIRST_OF_STACKS = 998_000, 782_100
 """Of the published cases; thresholds were set on seeds below 10,000 of the other model."""
 MIXTURE = ("null", "single", "single", "lacking", "pair", "disturbed")
 """Kinds of cases in their turn."""
@@ -312,11 +312,12 @@ def study_of(
 def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
     """Yield what the cases say."""
     null = [c for c in cases if c.kind == "null"]
-    single = [c for c in cases if c.kind == "single"]
+    # The catalogue has by now some of what it lacked when the kinds were set.
+    single = [c for c in cases if c.kind == "single" or (c.kind == "lacking" and c.truth)]
     seen = [c for c in single if c.shows]
     pairs = [c for c in cases if c.kind == "pair"]
     both = [c for c in pairs if c.shows]
-    lacking = [c for c in cases if c.kind == "lacking"]
+    lacking = [c for c in cases if c.kind == "lacking" and not c.truth]
     disturbed = [c for c in cases if c.kind == "disturbed"]
     effects = set(model.catalogue())
 
@@ -376,5 +377,5 @@ def _falls(case: OtherCase) -> float:
 
 def median_fall(cases: Sequence[OtherCase]) -> float:
     """Return the median ratio of the left-out error after adding what leads, where an effect shows."""
-    falls = [_falls(c) for c in cases if c.kind == "single" and c.shows]
+    falls = [_falls(c) for c in cases if c.kind in ("single", "lacking") and c.truth and c.shows]
     return float(np.median(falls)) if falls else float("nan")
