@@ -19,7 +19,7 @@ from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part
 
 _LENGTHS = np.array([0.07, 0.14, 0.25, 0.4, 0.6])  # over the root of the plan's area
-_ANGLES = np.pi * np.arange(8) / 8.0
+_ANGLES = np.pi * np.arange(4) / 4.0
 _N_OPENING = 4  # functions U_j
 _N_ALONG = 24  # points along a crack
 _ALIKE = 1e-3  # of the largest stiffness: openings with less are the others
@@ -28,7 +28,7 @@ _MOST = 3.0  # beside edges, and where cracks are long, more opens than in an en
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
-    """Return cracks of several lengths in eight directions."""
+    """Return cracks of several lengths in four directions."""
     scale = float(np.sqrt(fields.grid.area.sum()))
     nu, layers = fields.stack.material.poisson, fields.layers
     length, centre = crossed(scale * _LENGTHS, at)
