@@ -88,12 +88,14 @@ class _Recorded(dict[str, Any]):
 class Analytic:
     """A factor that is an analytic function of the parameters, with derivatives by a complex step.
 
-    No `abs`, `min` or comparison of complex values is inside, which are not analytic (Squire and Trapp 1998).
+    Attributes
+    ----------
+    function : callable
+        From values of the parameters by name, real or complex, to the factor: a field, or a method. No `abs`, `min` or
+        comparison of complex values is inside, which are not analytic (Squire and Trapp 1998).
     """
 
-    def function(self, theta: Theta, /) -> Any:
-        """Return the factor, a number, at values of the parameters by name, real or complex."""
-        raise NotImplementedError
+    function: Callable[[Theta], Any]
 
     def __call__(self, theta: Mapping[str, float]) -> float:
         """Return the value at the parameters `theta`."""

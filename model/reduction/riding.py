@@ -42,7 +42,7 @@ class RidingPart(Analytic):
 
     def eigenvalue(self, theta: Theta) -> float:
         """Return that of what rides on its seat, the structure being held, (rad/s)**2; of the part "own"."""
-        return _STIFFNESS / float(np.real(self(theta)))
+        return _STIFFNESS / self(theta)
 
     def function(self, theta: Theta, /) -> Any:
         """Return the mass, kg, real or complex."""

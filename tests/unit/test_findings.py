@@ -128,5 +128,5 @@ def test_chance_is_rarely_taken_for_a_mass():
     for seed in range(25):
         rng = np.random.default_rng([5, seed])
         causes.append(changes(roved(1e-4 * rng.standard_normal((6, 3)), shape=rng.random((6, 3)))).cause)
-    assert causes.count("sensor mass") <= 1
+    assert causes.count("sensor mass") == 0  # of 50, one may be
     assert causes.count("scatter") >= 24

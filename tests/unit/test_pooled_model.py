@@ -34,7 +34,7 @@ SIZES = Sizes(stiffness=4e-3, damping=0.1)
 def whole():
     """Three specimens, the last of them higher, with modes that are nobody's."""
     instruments = known_or_usual_instruments(STACK)
-    effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction")}
+    effects = {name: catalogue()[name] for name in ("clamp_mass", "contact_direction", "loose_clamp")}
     n = len(instruments.sensor)
     seen = Observation(node=np.arange(n), location=instruments.sensor, direction=np.tile([0.0, 0.0, 1.0], (n, 1)))
     rng, tested, specimens = np.random.default_rng(0), [], []
@@ -79,6 +79,20 @@ def test_what_specimens_share_and_what_is_their_own_add_up(whole):
         np.testing.assert_allclose(found.eigenvalue, expected.eigenvalue, rtol=1e-12)
     other, same = (local.modal(z, 0).eigenvalue for z in (x, at(coordinates, young=0.01, G_f=0.1)))
     np.testing.assert_allclose(other, same, rtol=1e-12)
+
+
+def test_a_clamp_that_rides_in_one_specimen_adds_as_many_equations_to_all(whole):
+    """States with other numbers of equations have no discrepancy in common: no such clamp could be fitted."""
+    (name,) = (n for n in whole.terms if n.startswith("loose_clamp") and "S2" in n)
+    coordinates, local = near(whole, [name])
+    x = np.zeros(len(coordinates))
+    before = {local.modal(x, state).eigenvalue.size for state in range(len(whole.states))}
+    for i, c in enumerate(coordinates):
+        if c.name.startswith(("clamp_compliance", "clamp_number")):
+            x[i] = c.upper
+    after = {local.modal(x, state).eigenvalue.size for state in range(len(whole.states))}
+    assert len(before) == len(after) == 1
+    assert after.pop() > before.pop()
 
 
 def test_a_specimen_stands_where_its_height_does(whole):

@@ -106,7 +106,7 @@ def joint_errors(
         value=problem.value,
         common=problem.discrepancy,
         own=own,
-        noise=_noise(states, modals, errors, noise, sensors, (roving, gain)),
+        noise=_noise(states, modals, errors, noise, sensors, roving, gain),
         state=np.concatenate([np.full(e.value.size, c) for c, e in enumerate(errors)]),
         scale=tuple(_scale(state, modal) for state, modal in zip(states, modals, strict=True)),
         sensors=sensors,
@@ -190,12 +190,10 @@ def _noise(
     errors: Sequence[Errors],
     noise: Sequence[Vector],
     sensors: SensorErrors,
-    roving: tuple[Sequence[NDArray[np.int64]], float],
+    roving: Sequence[NDArray[np.int64]],
+    gain: float,
 ) -> Vector:
-    """Return the covariance of all errors by what is wrong with shapes and frequencies, (N, N).
-
-    Last come which accelerometer measured each component of each state, and by how much each may read otherwise.
-    """
+    """Return the covariance of all errors by what is wrong with shapes and frequencies, (N, N)."""
     maps, blocks, gains = [], [], []
     for state, modal, own, n in zip(states, modals, errors, noise, strict=True):
         gap = _gap(state, modal)
@@ -217,11 +215,11 @@ def _noise(
     total = la.block_diag(*blocks)
     sizes = [own.value.size for own in errors]
     first = np.cumsum([0, *sizes])
-    for c, number in enumerate(roving[0]):
+    for c, number in enumerate(roving):
         here = slice(first[c], first[c + 1])
         for sensor in np.unique(number).tolist():
             turned = gains[c][:, :, number == sensor].sum(axis=2).ravel()
-            total[here, here] += roving[1] ** 2 * np.outer(turned, turned)
+            total[here, here] += gain**2 * np.outer(turned, turned)
     for c, one in enumerate(maps):
         for d, other in enumerate(maps):
             here, there = slice(first[c], first[c + 1]), slice(first[d], first[d + 1])

@@ -218,15 +218,14 @@ class StackNear:
         ranges: dict[int, Vector] = {}  # which many matrices share
 
         def project(matrix: Matrix) -> Vector:
-            if id(matrix) in projected:
-                return projected[id(matrix)]
-            if isinstance(matrix, InRange):
-                if id(matrix.range) not in ranges:
-                    ranges[id(matrix.range)] = matrix.range.T @ self.basis
-                within = ranges[id(matrix.range)]
-                projected[id(matrix)] = within.T @ matrix.core @ within
-            else:
-                projected[id(matrix)] = self.basis.T @ (matrix @ self.basis)
+            if id(matrix) not in projected:
+                if isinstance(matrix, InRange):
+                    if id(matrix.range) not in ranges:
+                        ranges[id(matrix.range)] = matrix.range.T @ self.basis
+                    within = ranges[id(matrix.range)]
+                    projected[id(matrix)] = within.T @ matrix.core @ within
+                else:
+                    projected[id(matrix)] = self.basis.T @ matrix @ self.basis
             return projected[id(matrix)]
 
         n = self.size
@@ -323,12 +322,22 @@ class StackNear:
         part.whole = whole
         return part
 
-    def modal(self, x: Vector, state: int, solved: tuple[Vector, Vector, dict[str, Vector]] | None = None) -> Modal:
-        """Return the model of a state at coordinates; `solved` is what that returns there, where it is known."""
+    def modal(
+        self,
+        x: Vector,
+        state: int,
+        solved: tuple[Vector, Vector, dict[str, Vector]] | None = None,
+        n_equation: int | None = None,
+    ) -> Modal:
+        """Return the model of a state at coordinates.
+
+        `solved` is what that returns there, where it is known, and `n_equation` how many equations are looked at, where
+        other states need more: all states have as many.
+        """
         at = dict(zip(self.names, x.tolist(), strict=True))
         theta, slope = self.whole.theta(at, state)
         value, vectors, matrix = solved or self.solved(x, state)
-        n = self._n_equation(at)
+        n = n_equation or self.whole.n_equation + self.whole.n_riding_within(theta)
         vector, beyond = vectors[:, :n], value[n:]
         value = value[:n]
         n_rigid = int(np.count_nonzero(value < self.whole.rigid))
@@ -385,10 +394,10 @@ class StackNear:
             of_mode_change=np.array([of_mode_change[i] for i in sorted(of_mode_change)]),
         )
 
-    def _n_equation(self, at: Mapping[str, float]) -> int:
-        """Return how many equations are looked at in all states at coordinates, those of what rides included."""
-        thetas = (self.whole.theta(at, c)[0] for c in range(len(self.rows)))
-        return self.whole.n_equation + max(map(self.whole.n_riding_within, thetas))
+    def n_equation_at(self, x: Vector, state: int) -> int:
+        """Return how many equations are looked at in a state at coordinates, those of what rides included."""
+        theta = self.whole.theta(dict(zip(self.names, x.tolist(), strict=True)), state)[0]
+        return self.whole.n_equation + self.whole.n_riding_within(theta)
 
     def _between(self, vectors: Vector, low: Vector) -> dict[str, Vector]:
         """Return the terms of K and M between all modes and those in equations, (n_part, size, n_equation)."""

@@ -22,7 +22,7 @@ from updating.inference.explain import (
     step_within,
     weighed_at,
 )
-from updating.inference.protocol import LocalModel, Model, Term
+from updating.inference.protocol import Coordinate, LocalModel, Model, Term
 
 Vector = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class Descent:
             if there.cost < self.cost:
                 return replace(there, ended=self.cost - there.cost < small)
         damp = max(8.0 * self._damp, 1e-2)
-        to, fall = _ahead(self.x, self._slope, self._hessian, self.terms, self.model, damp)
+        to, fall = _ahead(self.x, self._slope, self._hessian, coordinates_of(self.model, self.terms), damp)
         return replace(self, to=to, fall=fall, _damp=damp)
 
 
@@ -103,11 +103,12 @@ def begun(
     numpy.linalg.LinAlgError
         The model has no modes there.
     """
-    precision = np.array([c.std**-2.0 for c in coordinates_of(model, terms)])
+    coordinates = coordinates_of(model, terms)
+    precision = np.array([c.std**-2.0 for c in coordinates])
     _, problem, white = weighed_at(model, local, setting, x, sizes)
     hessian = white.hessian + np.diag(precision) + problem.curvature
     slope = white.slope + precision * x
-    to, fall = _ahead(x, slope, hessian, terms, model, damp)
+    to, fall = _ahead(x, slope, hessian, coordinates, damp)
     return Descent(
         model=model,
         terms=tuple(terms),
@@ -125,10 +126,10 @@ def begun(
 
 
 def _ahead(
-    x: Vector, slope: Vector, hessian: Vector, terms: Sequence[Term], model: Model, damp: float
+    x: Vector, slope: Vector, hessian: Vector, coordinates: Sequence[Coordinate], damp: float
 ) -> tuple[Vector, float]:
     """Return where the next step leads, and by how much it is expected to lower the cost."""
-    to = step_within(slope, hessian, x, coordinates_of(model, terms), damp=damp)
+    to = step_within(slope, hessian, x, coordinates, damp=damp)
     step = to - x
     return to, -float(slope @ step + 0.5 * step @ hessian @ step)
 

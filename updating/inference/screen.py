@@ -165,7 +165,7 @@ def screened(
                 by_term.setdefault(term.name, []).append((reaches, o, start[columns]))
 
     nears = dict[tuple[str, int], LocalModel]()
-    descents, by_name = dict[str, list[Descent]](), {term.name: term for term in further}
+    descents, by_name = list[Descent](), {term.name: term for term in further}
     for setting, of_term in zip(settings, first, strict=True):
         for rank, name in enumerate(sorted(of_term, key=lambda name: -max(expected for expected, *_ in of_term[name]))):
             starts = sorted(of_term[name], key=lambda trial: -trial[0])
@@ -184,9 +184,9 @@ def screened(
             tried.sort(key=lambda trial: trial[1].cost - trial[1].fall)
             of_origin = {o: i for i, (o, _) in reversed(list(enumerate(tried)))}
             best = sorted({*range(min(carried if placed else 1, len(tried))), *of_origin.values()})
-            descents.setdefault(name, []).extend(tried[i][1] for i in best)
-    ends = raced([d for of_name in descents.values() for d in of_name], steps=steps, later=later, behind=behind)
+            descents += [tried[i][1] for i in best]
     best_of = dict[str, Descent]()
+    ends = raced(descents, steps=steps, later=later, behind=behind)
     for end in sorted(ends, key=lambda end: -end.log_evidence):
         best_of.setdefault(end.terms[-1].name, end)
     return best_of

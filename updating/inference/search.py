@@ -363,19 +363,20 @@ def extended(
         names = [c.name for c in model.nuisances]
         origins += [{**have, **dict(zip(names, start, strict=True))} for start in starts]
     local = [model.about(coordinates, [np.array([o.get(c.name, 0.0) for c in coordinates])]) for o in origins]
-    fits = dict[str, Explanation]()
+    fits = list[Explanation]()
     sizes, none = at.evidence.sizes, frozenset[tuple[int, int]]()
     settings = [replace(common, apart=apart) for apart in dict.fromkeys((at.apart, none))]
     reached = screened(model, settings, present, further, origins, local, sizes, later=steps, behind=behind)
     now = begun(model, present, settings[0], at.x, local[0].of(at.coordinates), sizes)
-    for i, (name, end) in enumerate(list(reached.items())[:last]):
+    for i, end in enumerate(list(reached.values())[:last]):
         if i >= least and now.cost - now.fall - end.cost < gain:
             break
         with contextlib.suppress(np.linalg.LinAlgError, ValueError):  # no modes there
-            fits[name] = converged(
+            fit = converged(
                 model, end.terms, end.setting, end.x, local=end.local, rounds=1, steps=steps, small=small, sizes=sizes
             )
-    return sorted(fits.values(), key=lambda f: -f.log_evidence)
+            fits.append(fit)
+    return sorted(fits, key=lambda f: -f.log_evidence)
 
 
 def _needed(

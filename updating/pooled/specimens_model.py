@@ -196,6 +196,7 @@ class SpecimensNear:
         self.whole, self.names = whole, [c.name for c in coordinates]
         self.local, self.nears = local, nears
         self._touched: dict[int, tuple[NDArray[np.intp], list[list[int]]]] = {}
+        self._last: tuple[bytes, int] = b"", 0  # coordinates that were asked last, and their number of equations
         self._common = [whole.rows_of(g) @ near.basis if len(nears) > 1 else None for g, near in enumerate(nears)]
 
     def of(self, coordinates: Sequence[Coordinate]) -> SpecimensNear:
@@ -221,12 +222,22 @@ class SpecimensNear:
         """Return nothing: `updating.pooled.screening` looks at all states and levels together."""
         return
 
+    def _n_equation(self, x: Vector) -> int:
+        """Return how many equations are looked at in all states: a clamp that rides in one stack adds to all."""
+        if self._last[0] != x.tobytes():
+            at = dict(zip(self.names, x.tolist(), strict=True))
+            each = (
+                self.nears[g].n_equation_at(self.whole.values(at, s, self.local[g]), c) for s, g, c in self.whole.place
+            )
+            self._last = x.tobytes(), max(each)
+        return self._last[1]
+
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates."""
         s, g, c = self.whole.place[state]
         touched, of = self.touched(state)
         at = {self.names[i]: float(x[i]) for i in touched}
-        modal = self.nears[g].modal(self.whole.values(at, s, self.local[g]), c)
+        modal = self.nears[g].modal(self.whole.values(at, s, self.local[g]), c, n_equation=self._n_equation(x))
 
         def spread(columns: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
             pairs = [(k, i) for i, column in enumerate(columns.tolist()) for k in of[column]]
