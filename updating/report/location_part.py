@@ -157,7 +157,7 @@ def map_chart(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> Chart:
         f"{a}axis": {"title": {"text": f"{a} [mm]"}, "nticks": n, "showspikes": False}
         for a, n in (("x", 4), ("y", 2), ("z", 3))  # few along the short sides, where numbers would overlap
     }
-    view = {"eye": {"x": -1.45, "y": -3.2, "z": 1.55}, "center": {"x": 0.0, "y": 0.0, "z": -0.1}}
+    view = {"eye": {"x": -1.45, "y": -3.2, "z": 1.55}, "center": {"x": -0.15, "y": 0.0, "z": -0.1}}
     scene = {**axes, "aspectmode": "data", "camera": view, "dragmode": "turntable"}
     return Chart(traces=traces, layout={"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}})
 
