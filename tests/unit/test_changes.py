@@ -300,7 +300,7 @@ def test_two_roving_accelerometers_that_read_otherwise_are_no_change():
     misfit = []
     for gain in (0.0, 0.02):
         joint = joint_errors([state], [modal], [sensor], gain)
-        inverse = la.inv(joint.noise + 3e-3**2 * joint.own)
+        inverse = la.inv(joint.noise + 3e-3**2 * joint.each)
         misfit.append(joint.value @ inverse @ joint.value)
     assert misfit[1] < 0.2 * misfit[0]
 

@@ -228,7 +228,7 @@ def lines(
 def crossed(*parts: NDArray[Any]) -> list[NDArray[Any]]:
     """Return all combinations of values: arrays of as many rows as there are combinations, of each part one."""
     number = np.meshgrid(*(np.arange(len(part)) for part in parts), indexing="ij")
-    return [part[own.ravel()] for part, own in zip(parts, number, strict=True)]
+    return [part[index.ravel()] for part, index in zip(parts, number, strict=True)]
 
 
 def at_heights(place: Vector, heights: float | Vector) -> Vector:

@@ -150,9 +150,9 @@ class _Tried:
         """What is known of its form with the structure's answer, where that was weighed."""
         return self.refined.get(int(self.candidates.form[self.best]))
 
-    def mass(self, own: Refined) -> Vector:
+    def mass(self, refined: Refined) -> Vector:
         """Return the logarithm of the posterior mass of a refined candidate, (n_size,), as `log` counts it."""
-        return np.asarray(self.none + own.evidence + self.batch.log_prior[own.index])
+        return np.asarray(self.none + refined.evidence + self.batch.log_prior[refined.index])
 
     @property
     def share(self) -> Vector:
@@ -168,13 +168,15 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
     actions, (place, step) = Actions(at.ours), at.structure.places()
     error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
     root = la.cholesky(covariance, lower=True, check_finite=False)
-    coarse = [(kind, own) for kind in every if (own := kind.candidates(at.structure, place)).n]
-    batches = [_batch(kind, own, np.full(own.n, -np.log(own.n)), actions) for kind, own in coarse]
+    coarse = [(kind, candidates) for kind in every if (candidates := kind.candidates(at.structure, place)).n]
+    batches = [
+        _batch(kind, candidates, np.full(candidates.n, -np.log(candidates.n)), actions) for kind, candidates in coarse
+    ]
     logs = [batch.weighed(error, root).log for batch in batches]
     evidence = [float(scipy.special.logsumexp(log)) - np.log(log.size) for log in logs]
     best, found = max(evidence), list[_Batch]()
-    for batch, log, own in zip(batches, logs, evidence, strict=True):
-        if not batch.kind.on_plan or own < min(best / 2.0, best - WITHIN):
+    for batch, log, log_evidence in zip(batches, logs, evidence, strict=True):
+        if not batch.kind.on_plan or log_evidence < min(best / 2.0, best - WITHIN):
             found.append(batch)
             continue
         cell = scipy.special.logsumexp(log.reshape(-1, len(place)), axis=0)  # all of them for each size
@@ -189,14 +191,15 @@ def _closer(
     batch: _Batch, near: NDArray[np.intp], finer: Vector, structure: Structure, actions: Actions
 ) -> list[_Batch]:
     """Return the candidates of a kind beyond some of the cells, and those at locations within these."""
-    kind, own = batch.kind, batch.candidates
+    kind, candidates = batch.kind, batch.candidates
     if not near.size:
         return [batch]
-    keep = np.flatnonzero(~np.isin(own.cell, near))
-    far = _Batch(kind, own.only(keep), batch.log_prior[keep], batch.action[keep], batch.effect[keep])
+    keep = np.flatnonzero(~np.isin(candidates.cell, near))
+    far = _Batch(kind, candidates.only(keep), batch.log_prior[keep], batch.action[keep], batch.effect[keep])
     closer = kind.candidates(structure, finer)
-    share = own.n / len(np.unique(own.cell)) * len(near) / closer.n  # of the prior of a cell that each has
-    return [far, _batch(kind, closer, np.full(closer.n, np.log(share / own.n)), actions)]
+    # of the prior of a cell that each has
+    share = candidates.n / len(np.unique(candidates.cell)) * len(near) / closer.n
+    return [far, _batch(kind, closer, np.full(closer.n, np.log(share / candidates.n)), actions)]
 
 
 def _batch(kind: Kind, candidates: Candidates, log_prior: Vector, actions: Actions) -> _Batch:
@@ -233,21 +236,21 @@ def _concluded(
         ]
     )
     found = _refined(at, found, problems)
-    odds = np.array([own.evidence for own in found]) + np.log(MISSING / len(found)) - np.log(1.0 - MISSING)
+    odds = np.array([kind.evidence for kind in found]) + np.log(MISSING / len(found)) - np.log(1.0 - MISSING)
     return _answer(at, found, odds, impossible, (sizes, none, misfit), stated, seen=seen)
 
 
 def _joined(tried: Sequence[_Tried]) -> list[_Tried]:
     """Join what is of one kind."""
     found: dict[str, _Tried] = {}
-    for own in tried:
-        before = found.get(own.kind.name)
+    for new in tried:
+        before = found.get(new.kind.name)
         if before is None:
-            found[own.kind.name] = own
+            found[new.kind.name] = new
             continue
-        one, other = before.batch, own.batch
+        one, other = before.batch, new.batch
         batch = _Batch(
-            own.kind,
+            new.kind,
             joined_candidates(one.candidates, other.candidates),
             np.concatenate([one.log_prior, other.log_prior]),
             np.concatenate([one.action, other.action]),
@@ -255,31 +258,31 @@ def _joined(tried: Sequence[_Tried]) -> list[_Tried]:
         )
         weighed = tuple(
             Weighed(**{f.name: np.concatenate([getattr(a, f.name), getattr(b, f.name)]) for f in fields(Weighed)})
-            for a, b in zip(before.weighed, own.weighed, strict=True)
+            for a, b in zip(before.weighed, new.weighed, strict=True)
         )
-        found[own.kind.name] = _Tried(batch, weighed, np.concatenate([before.log, own.log], axis=1), own.none)
+        found[new.kind.name] = _Tried(batch, weighed, np.concatenate([before.log, new.log], axis=1), new.none)
     return list(found.values())
 
 
 def _refined(at: Situation, found: Sequence[_Tried], problems: Sequence[tuple[Vector, Vector]]) -> list[_Tried]:
     """Weigh the likeliest candidates of the likeliest kinds once more, with the structure's answer to them."""
-    evidence = np.array([own.evidence for own in found])
+    evidence = np.array([tried.evidence for tried in found])
     structure = Condensed(at)
     return [
-        own
-        if own.kind.exact is None or log < max(evidence.max() - WITHIN, 0.0)
-        else _with_answers(structure, own, problems)
-        for own, log in zip(found, evidence, strict=True)
+        tried
+        if tried.kind.exact is None or log < max(evidence.max() - WITHIN, 0.0)
+        else _with_answers(structure, tried, problems)
+        for tried, log in zip(found, evidence, strict=True)
     ]
 
 
-def _with_answers(structure: Condensed, own: _Tried, problems: Sequence[tuple[Vector, Vector]]) -> _Tried:
+def _with_answers(structure: Condensed, tried: _Tried, problems: Sequence[tuple[Vector, Vector]]) -> _Tried:
     """Weigh the likeliest candidate of each of the likeliest forms with the structure's answer.
 
     A size trades against an amplitude, which to first order may be more than is possible. So forms are taken one after
     the other, the likeliest by then first, and what the likeliest candidate of a form gains is gained by all of it.
     """
-    form, log, refined = own.candidates.form, own.log.copy(), dict[int, Refined]()
+    form, log, refined = tried.candidates.form, tried.log.copy(), dict[int, Refined]()
     for _ in range(MOST_REFINED):
         each = scipy.special.logsumexp(log, axis=0)
         mass = np.bincount(form, np.exp(each - each.max()))
@@ -289,9 +292,9 @@ def _with_answers(structure: Condensed, own: _Tried, problems: Sequence[tuple[Ve
         if left[f] < LEAST_SHARE * mass.sum():
             break
         i = int(np.argmax(np.where(form == f, each, -np.inf)))
-        refined[f] = refine(structure, own.kind, own.candidates, i, float(own.batch.effect[i]), problems)
-        log[:, form == f] += (own.mass(refined[f]) - log[:, i])[:, None]
-    return replace(own, log=log, refined=refined)
+        refined[f] = refine(structure, tried.kind, tried.candidates, i, float(tried.batch.effect[i]), problems)
+        log[:, form == f] += (tried.mass(refined[f]) - log[:, i])[:, None]
+    return replace(tried, log=log, refined=refined)
 
 
 def _scatter(at: Situation, stated: float) -> float:
@@ -328,9 +331,9 @@ def _answer(
     best = found[int(order[0])]
     shares = best.share.sum(axis=1) if left else np.exp(none - scipy.special.logsumexp(none))
     made = _made(at, best)
-    used = [own for own in found if own.kind.local and (own.kind.name in left or not left)]
-    chance = {own.kind.name: float(probability[i]) for i, own in enumerate(found)}
-    x, y, where = _map(at.structure, [(own, chance[own.kind.name]) for own in used])
+    used = [tried for tried in found if tried.kind.local and (tried.kind.name in left or not left)]
+    chance = {tried.kind.name: float(probability[i]) for i, tried in enumerate(found)}
+    x, y, where = _map(at.structure, [(tried, chance[tried.kind.name]) for tried in used])
     n = at.n_reference
     return WhatChanged(
         name=at.changed[0][0],
@@ -360,10 +363,10 @@ def _answer(
 
 def _left(ordered: Sequence[KindOfChange]) -> tuple[str, ...]:
     """Return the kinds, the likeliest first, that the data cannot tell apart; none where they do not show."""
-    if not ordered or np.logaddexp.reduce([own.log_odds for own in ordered]) < NAMED:
+    if not ordered or np.logaddexp.reduce([kind.log_odds for kind in ordered]) < NAMED:
         return ()
     top = ordered[0].log_odds
-    return tuple(own.name for own in ordered if own.log_odds > max(top - SEPARATE, 0.0))
+    return tuple(kind.name for kind in ordered if kind.log_odds > max(top - SEPARATE, 0.0))
 
 
 def _verdict(ordered: Sequence[KindOfChange], total: float, *, seen: bool) -> tuple[Verdict, tuple[str, ...]]:
@@ -378,51 +381,51 @@ def _verdict(ordered: Sequence[KindOfChange], total: float, *, seen: bool) -> tu
     return ("identified" if len(left) == 1 else "one of"), left
 
 
-def _made(at: Situation, own: _Tried) -> Vector:
+def _made(at: Situation, best: _Tried) -> Vector:
     """Return the shifts of the logarithms of frequencies that the likeliest candidate makes."""
-    if own.best_refined is not None:
-        return own.best_refined.shift
-    g, i = np.unravel_index(int(np.argmax(own.log)), own.log.shape)
-    change = own.batch.action[i] * own.weighed[int(g)].amplitude[i]
+    if best.best_refined is not None:
+        return best.best_refined.shift
+    g, i = np.unravel_index(int(np.argmax(best.log)), best.log.shape)
+    change = best.batch.action[i] * best.weighed[int(g)].amplitude[i]
     work = np.einsum("nm,nm,nm->n", change, at.ours.scale, at.ours.weight) / at.ours.eigenvalue  # Rayleigh's quotient
     return np.asarray(np.arcsinh(-0.5 * work))
 
 
-def _explained(own: _Tried, misfit: Vector, n: int) -> float:
+def _explained(best: _Tried, misfit: Vector, n: int) -> float:
     """Return which share of the misfit, beyond what scatter leaves, the likeliest candidate takes away.
 
     `misfit` holds that of `n` errors without a change at each size of the scatter; the stated size is in the middle of
     the prior, and there it is looked at.
     """
-    g, refined = int(np.argmin(np.abs(np.log(_SIZES)))), own.best_refined
-    fall = float(own.weighed[g].fall[own.best] if refined is None else refined.fall[g])
+    g, refined = int(np.argmin(np.abs(np.log(_SIZES)))), best.best_refined
+    fall = float(best.weighed[g].fall[best.best] if refined is None else refined.fall[g])
     beyond = max(float(misfit[g]) - n, 1e-9)
     left = max(float(misfit[g]) - fall - n, 0.0)
     return 1.0 - left / beyond
 
 
-def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: Vector) -> KindOfChange:
+def _kind(at: Situation, tried: _Tried, odds: float, probability: float, misfit: Vector) -> KindOfChange:
     """Return what is known of a kind: where and how large it is."""
-    candidates, share = own.candidates, own.share
-    local = own.kind.local and bool(at.structure.axes)
+    candidates, share = tried.candidates, tried.share
+    local = tried.kind.local and bool(at.structure.axes)
     each = share.sum(axis=0)
     i = int(np.argmax(each))
     nowhere = (float("nan"),) * 3
     mean = each @ candidates.place
     spread = np.sqrt(each @ (candidates.place - mean) ** 2)
-    lower, middle, upper = _size(own)
+    lower, middle, upper = _size(tried)
     sized = candidates.size[np.isfinite(candidates.size)]
     return KindOfChange(
-        name=own.kind.name,
-        label=own.kind.label,
+        name=tried.kind.name,
+        label=tried.kind.label,
         log_odds=odds,
         probability=probability,
         local=local,
         place=three(mean) if local else nowhere,
         place_std=three(spread) if local else nowhere,
         best=three(candidates.place[i]) if local else nowhere,
-        quantity=own.kind.quantity,
-        unit=own.kind.unit,
+        quantity=tried.kind.quantity,
+        unit=tried.kind.unit,
         size=middle,
         lower=lower,
         upper=upper,
@@ -431,36 +434,36 @@ def _kind(at: Situation, own: _Tried, odds: float, probability: float, misfit: V
         if each[candidates.angle == candidates.angle[i]].sum() > SURE
         else float("nan"),
         layer=at.structure.layer_name(int(candidates.layer[i])),
-        part=at.structure.part_name(own.kind.name, int(candidates.part[i])),
-        explained=_explained(own, misfit, at.ours.weight.size),
+        part=at.structure.part_name(tried.kind.name, int(candidates.part[i])),
+        explained=_explained(tried, misfit, at.ours.weight.size),
     )
 
 
-def _size(own: _Tried) -> list[float]:
+def _size(tried: _Tried) -> list[float]:
     """Return the ends of the interval of 90 % of a kind's size, its median between them.
 
     An idealisation that is off is so in all modes alike, besides: by `IDEAL`.
     """
-    levels, candidates = (0.05, 0.5, 0.95), own.candidates
-    if own.refined and own.kind.exact is not None:
+    levels, candidates = (0.05, 0.5, 0.95), tried.candidates
+    if tried.refined and tried.kind.exact is not None:
         values, logs = [], []
         factor = np.exp(IDEAL * _NODES)[:, None]
-        for form, one in own.refined.items():
+        for form, one in tried.refined.items():
             of = candidates.only(np.array([one.index]))
-            trial = np.minimum(factor * one.amplitude, own.kind.whole)
-            values += [own.kind.exact(of, line[None, :])[0] for line in trial]
-            log = scipy.special.logsumexp(own.none[:, None] + one.log, axis=0)
-            whole = scipy.special.logsumexp(own.log[:, candidates.form == form])
+            trial = np.minimum(factor * one.amplitude, tried.kind.whole)
+            values += [tried.kind.exact(of, line[None, :])[0] for line in trial]
+            log = scipy.special.logsumexp(tried.none[:, None] + one.log, axis=0)
+            whole = scipy.special.logsumexp(tried.log[:, candidates.form == form])
             logs += [log - scipy.special.logsumexp(log) + whole] * len(factor)
         total = np.concatenate(logs)
         return _quantiles(np.concatenate(values), np.exp(total - total.max()), levels)
-    counts = own.share.max(axis=0) > _COUNTS * own.share.max()
+    counts = tried.share.max(axis=0) > _COUNTS * tried.share.max()
     candidates = candidates.only(np.flatnonzero(counts))
-    mean = np.array([w.amplitude[counts] for w in own.weighed])
-    std = np.hypot(np.array([w.std[counts] for w in own.weighed]), IDEAL * mean)
+    mean = np.array([w.amplitude[counts] for w in tried.weighed])
+    std = np.hypot(np.array([w.std[counts] for w in tried.weighed]), IDEAL * mean)
     trial = np.clip(mean[..., None] + std[..., None] * _NODES, 0.0, candidates.upper)
-    value = np.array([own.kind.value(candidates, line) for line in trial])
-    return _quantiles(value.ravel(), np.repeat(own.share[:, counts].ravel(), _NODES.size), levels)
+    value = np.array([tried.kind.value(candidates, line) for line in trial])
+    return _quantiles(value.ravel(), np.repeat(tried.share[:, counts].ravel(), _NODES.size), levels)
 
 
 def _quantiles(value: Vector, share: Vector, levels: Sequence[float]) -> list[float]:
@@ -480,10 +483,10 @@ def _map(structure: Structure, used: Sequence[tuple[_Tried, float]]) -> tuple[Ve
     cells, _ = structure.places()
     x, y = (np.unique(np.round(cells[:, axis], 9)) for axis in axes)
     found = np.zeros((x.size, y.size))
-    for own, chance in used:
+    for tried, chance in used:
         i, j = (
-            np.argmin(np.abs(own.candidates.place[:, [axis]] - line), axis=1)
+            np.argmin(np.abs(tried.candidates.place[:, [axis]] - line), axis=1)
             for axis, line in zip(axes, (x, y), strict=True)
         )
-        np.add.at(found, (i, j), chance * own.share.sum(axis=0))
+        np.add.at(found, (i, j), chance * tried.share.sum(axis=0))
     return x, y, found / max(found.sum(), 1e-300)

@@ -79,9 +79,9 @@ def _patch(structure: Structure, at: Vector) -> Candidates | None:
 
 
 def _dashpot(structure: Structure, at: Vector) -> Candidates:
-    own = structure.pulled(at)
-    part = Part(rows=own.rows, target="K", weight=own.weight)
-    return plain(own.place, (part,), part=own.part, n_cell=len(at))
+    points = structure.pulled(at)
+    part = Part(rows=points.rows, target="K", weight=points.weight)
+    return plain(points.place, (part,), part=points.part, n_cell=len(at))
 
 
 DAMPING_KINDS = (
@@ -146,8 +146,8 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
     order = np.argsort(-odds)
     answers = []
     for i in order:
-        own = _kind(*found[i], structure=at.structure, odds=float(odds[i]), chance=float(chance[i]))
-        answers.append(own)
+        answer = _kind(*found[i], structure=at.structure, odds=float(odds[i]), chance=float(chance[i]))
+        answers.append(answer)
     return tuple(answers)
 
 

@@ -141,9 +141,9 @@ class Grid:
         number, which, share = self.number, [], []
         for i, wx in zip(index[0], weight[0], strict=True):
             for j, wy in zip(index[1], weight[1], strict=True):
-                own = number[i, j]
-                which.append(np.maximum(own, 0))
-                share.append(np.where(own < 0, 0.0, wx * wy))
+                point = number[i, j]
+                which.append(np.maximum(point, 0))
+                share.append(np.where(point < 0, 0.0, wx * wy))
         return np.stack(which, axis=1), np.stack(share, axis=1)
 
 
@@ -428,7 +428,7 @@ class Fields:
         t = self.stack.pitch
         whole = np.array([[q11, q12, 0.0], [q12, q22, 0.0], [0.0, 0.0, q66]])
         even = (q11 + q22 + 2.0 * q12) / 4.0 * np.outer([1.0, 1.0, 0.0], [1.0, 1.0, 0.0])
-        bent, stretched = (la.cholesky(own * whole + (mean - own) * even) for own in rest)
+        bent, stretched = (la.cholesky(other * whole + (mean - other) * even) for other in rest)
         wxx, wyy, wxy = self.lamina(layer, [("w", "xx"), ("w", "yy"), ("w", "xy")])
         rows = _times(bent * np.sqrt(t**3 / 12.0), [wxx, wyy, 2.0 * wxy])
         if self.stack.n_lamina > 1 or np.any(self.coefficient["u"]):

@@ -56,7 +56,7 @@ class Joint:
         By state.
     value : (N,) float
         All of them, mode by mode.
-    common, own : (N, N) float
+    common, each : (N, N) float
         Covariance by a discrepancy of size 1 that all states share, and that each has.
     noise : (N, N) float
         Covariance by what is wrong with shapes and frequencies.
@@ -71,7 +71,7 @@ class Joint:
     errors: tuple[Errors, ...]
     value: Vector
     common: Vector
-    own: Vector
+    each: Vector
     noise: Vector
     state: NDArray[np.intp]
     scale: tuple[Vector, ...]
@@ -99,13 +99,13 @@ def joint_errors(
     errors = tuple(equation_errors(state, modal, n, 1) for state, modal, n in zip(states, modals, noise, strict=True))
     n_state = len(states)
     problem = joined(errors, np.ones((n_state, n_state)))
-    own = joined(errors, np.eye(n_state)).discrepancy
+    each = joined(errors, np.eye(n_state)).discrepancy
     sensors = sensor_errors(states, modals, errors)
     return Joint(
         errors=errors,
         value=problem.value,
         common=problem.discrepancy,
-        own=own,
+        each=each,
         noise=_noise(states, modals, errors, noise, sensors, roving, gain),
         state=np.concatenate([np.full(e.value.size, c) for c, e in enumerate(errors)]),
         scale=tuple(_scale(state, modal) for state, modal in zip(states, modals, strict=True)),
@@ -134,9 +134,9 @@ def _at_rest(modal: Modal) -> Modal:
 def _scale(state: State, modal: Modal) -> Vector:
     """Return what errors are relative to, (n, m), as `equation_errors` has it."""
     omega = 2.0 * np.pi * state.frequency
-    own = np.sqrt(np.maximum(modal.eigenvalue, 0.0))
-    elastic = np.arange(own.size) >= modal.n_rigid
-    return np.asarray(omega[:, None] * np.where(elastic, own, omega[:, None]))
+    natural = np.sqrt(np.maximum(modal.eigenvalue, 0.0))
+    elastic = np.arange(natural.size) >= modal.n_rigid
+    return np.asarray(omega[:, None] * np.where(elastic, natural, omega[:, None]))
 
 
 def sensor_errors(states: Sequence[State], modals: Sequence[Modal], errors: Sequence[Errors]) -> SensorErrors:
@@ -195,25 +195,25 @@ def _noise(
 ) -> Vector:
     """Return the covariance of all errors by what is wrong with shapes and frequencies, (N, N)."""
     maps, blocks, gains = [], [], []
-    for state, modal, own, n in zip(states, modals, errors, noise, strict=True):
+    for state, modal, error, n in zip(states, modals, errors, noise, strict=True):
         gap = _gap(state, modal)
         on_frequency = (2.0 * state.frequency_std / state.frequency) ** 2 + 1e-9
-        whole = own.noise.copy()
+        whole = error.noise.copy()
         m = gap.shape[1]
-        whole[:, np.arange(m), np.arange(m)] -= on_frequency[:, None] * own.weight**2
+        whole[:, np.arange(m), np.arange(m)] -= on_frequency[:, None] * error.weight**2
         covariance = whole / gap[:, :, None] / gap[:, None, :]
         towards = covariance @ modal.rows.T / n[:, None, None] ** 2  # (n, m, n_dof), but for the shape's length
         raw = np.einsum("rmi,ir->rm", towards, state.shape)
-        length = np.linalg.norm(own.value / gap, axis=1) / np.maximum(np.linalg.norm(raw, axis=1), 1e-300)
+        length = np.linalg.norm(error.value / gap, axis=1) / np.maximum(np.linalg.norm(raw, axis=1), 1e-300)
         towards = towards * (length[:, None, None] * gap[:, :, None])  # from a shape to equation errors
         at_random = np.einsum("rmi,rki->rmk", towards, towards) * n[:, None, None] ** 2
         shared = (sensors.gain_common**2 + sensors.gain_state**2) / len(state.shape) + sensors.rough_common**2
         share = np.maximum(1.0 - shared / n**2, _LEAST)
-        blocks += list(own.noise - at_random + share[:, None, None] * at_random)
+        blocks += list(error.noise - at_random + share[:, None, None] * at_random)
         maps.append(towards)
         gains.append(towards * state.shape.T[:, None, :])
     total = la.block_diag(*blocks)
-    sizes = [own.value.size for own in errors]
+    sizes = [one.value.size for one in errors]
     first = np.cumsum([0, *sizes])
     for c, number in enumerate(roving):
         here = slice(first[c], first[c + 1])

@@ -72,8 +72,8 @@ class Nodes:
         self, near: MatricesNear, x: Vector, shape: Vector, band: tuple[float, float], further: Vector | None = None
     ) -> None:
         self.near, self.x, self.shape, self.band = near, x, shape, band
-        self.whole, own = near.reduced.structure, self._lifted(shape)
-        self.vectors = own if further is None else np.hstack([own, further])
+        self.whole, lifted = near.reduced.structure, self._lifted(shape)
+        self.vectors = lifted if further is None else np.hstack([lifted, further])
         self.n_mode = self.vectors.shape[1]
         self.factor = {name: value for name, (value, _) in near.theta(x).items()}
         moving = np.flatnonzero(self.whole.dof <= 3)
@@ -127,7 +127,7 @@ class Nodes:
         extent = np.sort(np.ptp(self.location, axis=0))[:0:-1]
         size = float(np.sqrt(extent[0] * extent[1])) or float(extent[0])
         near = scipy.spatial.KDTree(self.location).query_ball_point(self.places()[0], _NEAR * size)
-        return float(min(max(self._weight[own].sum() for own in near), 0.5 * self.mass))
+        return float(min(max(self._weight[indices].sum() for indices in near), 0.5 * self.mass))
 
     @cached_property
     def axes(self) -> tuple[str, ...]:
@@ -162,12 +162,12 @@ class Nodes:
         """Return of nodes those that are nearest to the mean of all that share a cube of some side."""
         place = self.location[node]
         cube = np.floor((place - self.location.min(axis=0)) / side + 1e-9).astype(np.int64)
-        _, own = np.unique(cube, axis=0, return_inverse=True)
-        own, count = own.ravel(), np.bincount(own.ravel())
-        mean = np.column_stack([np.bincount(own, along) / count for along in place.T])
-        away = np.linalg.norm(place - mean[own], axis=1)
-        order = np.lexsort((away, own))
-        return node[order[np.unique(own[order], return_index=True)[1]]]
+        _, cell = np.unique(cube, axis=0, return_inverse=True)
+        cell, count = cell.ravel(), np.bincount(cell.ravel())
+        mean = np.column_stack([np.bincount(cell, along) / count for along in place.T])
+        away = np.linalg.norm(place - mean[cell], axis=1)
+        order = np.lexsort((away, cell))
+        return node[order[np.unique(cell[order], return_index=True)[1]]]
 
     def places(self) -> tuple[Vector, Vector]:
         """Return locations of nodes, evenly spaced, (n, 3) m, and the sides of the cells that they stand for."""
@@ -178,8 +178,8 @@ class Nodes:
         """Return locations of nodes, closer to each other, of those to which one of some is the nearest."""
         every, _ = self.places()
         chosen = scipy.spatial.KDTree(every).query(centre)[1]
-        own = np.isin(scipy.spatial.KDTree(every).query(self.location)[1], chosen)
-        node = np.flatnonzero(own)
+        within = np.isin(scipy.spatial.KDTree(every).query(self.location)[1], chosen)
+        node = np.flatnonzero(within)
         return self.location[node if not step.any() else self._middles(node, _PART * float(step.max()))]
 
     def located(self, place: Vector) -> Vector:
@@ -286,5 +286,5 @@ class Nodes:
             most = np.einsum("ij,ij->j", np.abs(motion), abs(term.matrix) @ np.abs(motion))
             if np.any(cost > _HOLDS * most):
                 holds.add(term.factor)
-        found = [own for own in self.stated if own.name in holds and own.there]
-        return [part for own in found for part in own.parts if part.target == "K"]
+        found = [term for term in self.stated if term.name in holds and term.there]
+        return [part for term in found for part in term.parts if part.target == "K"]

@@ -128,9 +128,9 @@ class StackReference:
         """Put a changed state beside it."""
         every, before, stack = _tested((*self.tested, *changed)), self.model, self.candidates.stack
         known = [(self.tested[0][2], before.observation[0])]
-        for _, _, own in (*self.tested[1:], *changed):
-            same = (points for modes, points in known if _at_same_points(modes, own))
-            known.append((own, next(same, None) or register(stack, own.geometry, own.node, own.direction).observation))
+        for _, _, new in (*self.tested[1:], *changed):
+            same = (points for modes, points in known if _at_same_points(modes, new))
+            known.append((new, next(same, None) or register(stack, new.geometry, new.node, new.direction).observation))
         observation = [points for _, points in known]
         model = before.of_tests(every, observation)
         x, first = self.fit.x, len(self.tested)
@@ -250,8 +250,8 @@ def fit_reference(
     )
     common, fit = begin(model, shares=SHARES, starts=[start_of(model, evidence)], priors=priors_of(evidence.scatter))
     for one in extended(model, common, fit)[:1] if model.effects else ():
-        own = explain(model, [model.terms[name] for name in one.terms], common, one.x)
-        fit = own if own.log_evidence > fit.log_evidence else fit
+        further = explain(model, [model.terms[name] for name in one.terms], common, one.x)
+        fit = further if further.log_evidence > fit.log_evidence else fit
     return StackReference(candidates=candidates, tested=tuple(tested), model=model, fit=fit)
 
 

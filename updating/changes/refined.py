@@ -78,9 +78,9 @@ class Condensed:
         m, steps, opened, adding = self.structure.n_mode, list[_Mode](), None, structure
         if kind.opened is not None:  # mass that goes with it moves with the modes
             opened, adding = kind.opened(structure, candidates.only(np.array([i]))), self.structure
-        own = kind.candidates(adding, structure.located(candidates.place[i, None]))
-        (j,) = np.flatnonzero(own.form == candidates.form[i])
-        chosen = own.only(np.array([j])).parts
+        there = kind.candidates(adding, structure.located(candidates.place[i, None]))
+        (j,) = np.flatnonzero(there.form == candidates.form[i])
+        chosen = there.only(np.array([j])).parts
         parts = _matrices([part for part in chosen if opened is None or part.target == "M"])
         for errors, rows in zip(self.at.joint.errors[self.at.n_reference :], seen, strict=True):
             for r, value in enumerate(errors.eigenvalue):
@@ -364,7 +364,7 @@ def refine(
     width = np.log(np.maximum(np.gradient(amplitude), 1e-300)) + _log_prior(amplitude, scale, most)
     moved = change(amplitude)
     found = [_log_likelihood(moved, problem) for problem in problems]
-    log = np.array([own + width for own, _ in found])
+    log = np.array([log_likelihood + width for log_likelihood, _ in found])
     at = amplitude[int(np.argmax(log[middle] - width + _log_prior(amplitude, scale, most)))]
     return Refined(
         index=index,

@@ -72,13 +72,13 @@ class Actions:
         n, m = self.measured.scale.shape
         total = np.zeros((candidates.n, n, m))
         for part in candidates.parts:
-            which, own = self._of_part(part)
-            own = own.reshape(-1, n, m)
+            which, change = self._of_part(part)
+            change = change.reshape(-1, n, m)
             if part.target == "M":
-                own = -own * self.measured.eigenvalue[:, None]
+                change = -change * self.measured.eigenvalue[:, None]
             if part.resonance is not None:
-                own = own * apparent(self.measured.eigenvalue, part.resonance[which])[:, :, None]
-            total[which] += part.sign * own
+                change = change * apparent(self.measured.eigenvalue, part.resonance[which])[:, :, None]
+            total[which] += part.sign * change
         return total
 
     def _of_part(self, part: Part) -> tuple[NDArray[np.intp], Vector]:

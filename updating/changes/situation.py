@@ -70,14 +70,14 @@ class Situation:
         self.structure = beside.structure((float(every.min()), float(every.max())))
         self.sensors = beside.sensors[self.n_reference :]
         self.measured = [
-            Measured(weight=own.weight, eigenvalue=own.eigenvalue, scale=scale)
-            for own, scale in zip(self.joint.errors, self.joint.scale, strict=True)
+            Measured(weight=error.weight, eigenvalue=error.eigenvalue, scale=scale)
+            for error, scale in zip(self.joint.errors, self.joint.scale, strict=True)
         ]
         ours = self.measured[self.n_reference :]
         self.ours = Measured(
-            weight=np.vstack([own.weight for own in ours]),
-            eigenvalue=np.concatenate([own.eigenvalue for own in ours]),
-            scale=np.vstack([own.scale for own in ours]),
+            weight=np.vstack([one.weight for one in ours]),
+            eigenvalue=np.concatenate([one.eigenvalue for one in ours]),
+            scale=np.vstack([one.scale for one in ours]),
         )
         self.is_changed = self.joint.state >= self.n_reference
         self.nuisance = self._nuisance()
@@ -100,9 +100,9 @@ class Situation:
         """Return the covariance of all errors at a size of the scatter between assemblies, (N, N)."""
         common = max(self.reference.fit.evidence.sizes.stiffness, size, STIFFNESS.median)
         joint = self.joint
-        total = common**2 * joint.common + size**2 * joint.own + self.nuisance + joint.noise
+        total = common**2 * joint.common + size**2 * joint.each + self.nuisance + joint.noise
         here = np.ix_(self.is_changed, self.is_changed)
-        total[here] += self.idealised**2 * joint.own[here]
+        total[here] += self.idealised**2 * joint.each[here]
         return np.asarray(total)
 
     @cached_property
@@ -141,10 +141,10 @@ class Situation:
     def _beside(self, values: Sequence[Vector]) -> tuple[Vector, Vector]:
         """Return logarithms of values of the changed state over the reference's, and the reference's, (n_mode,)."""
         n, ratios, before = self.n_reference, [], []
-        for own, value in zip(self.joint.errors[n:], values[n:], strict=True):
+        for error, value in zip(self.joint.errors[n:], values[n:], strict=True):
             each = np.full((n, value.size), np.nan)
             for c, (other, reference) in enumerate(zip(self.joint.errors[:n], values[:n], strict=True)):
-                row, column = _pairs(np.abs(own.weight @ other.weight.T))
+                row, column = _pairs(np.abs(error.weight @ other.weight.T))
                 each[c, row] = np.log(reference[column])
             seen = np.isfinite(each).any(axis=0)
             mean = np.full(value.size, np.nan)
@@ -183,13 +183,13 @@ def _known(
     joint = joint_errors(states, modals, *roving)
     shorter = False
     for c in range(n_reference, len(states)):
-        own = joint.errors[c]
-        alike = [np.abs(own.weight @ other.weight.T) for other in joint.errors[:n_reference]]
-        near = np.abs(own.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < NEARBY
+        error = joint.errors[c]
+        alike = [np.abs(error.weight @ other.weight.T) for other in joint.errors[:n_reference]]
+        near = np.abs(error.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < NEARBY
         taken = np.max([np.abs(other.weight).max(axis=0) for other in joint.errors[:n_reference]], axis=0) > SAME
         unseen = np.any(near & (_motion(modals[c]) >= still) & ~taken, axis=1)
         keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
-        keep |= np.max([_within(own.weight, other.weight) for other in joint.errors[:n_reference]], axis=0) > REACHED
+        keep |= np.max([_within(error.weight, other.weight) for other in joint.errors[:n_reference]], axis=0) > REACHED
         for r in np.flatnonzero(keep & unseen):
             keep[r] = any(r in _pairs(one)[0] for one in alike)
         if not keep.all():

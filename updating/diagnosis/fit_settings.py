@@ -215,9 +215,9 @@ class FitSettings:
             What coordinates are relative to.
         """
         farthest = 8.0  # prior standard deviations that a parameter may move
-        # Standard deviation of the logarithm of a contact parameter that each configuration has of its own: a factor of
+        # Standard deviation of the logarithm of a contact parameter that each configuration has for itself: a factor of
         # 3.
-        own = 1.0
+        wide = 1.0
         if name not in (*CONTACT, *RATIOS):
             return coordinate
         if name in self.fixed:
@@ -228,7 +228,7 @@ class FitSettings:
             if level == "specimen" and scope == "all":
                 return _pinned(coordinate)
             if level == "configuration" and scope == "configuration":
-                return replace(coordinate, std=own, step=0.1)
+                return replace(coordinate, std=wide, step=0.1)
             return self._bounded(coordinate, name, stack) if level == "all" else coordinate
         wanted = scope or ("specimen" if name in CONTACT else "all")
         bearing = [shared_by for shared_by in SCOPES[: SCOPES.index(wanted) + 1] if shared_by in levels][-1]

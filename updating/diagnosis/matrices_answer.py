@@ -112,8 +112,8 @@ def fit_matrices(
     model = MatricesModel(structure, [Tested(name=measured.name, pressure=np.nan, modes=measured)], scatter)
     zero = np.zeros(len(model.nuisances))
     before = _modes(model.about(model.nuisances, [zero]), zero, measured)
-    _, own = begin(model, shares=SHARES, starts=[zero], priors=priors_of(scatter))
-    shown = _shown(model, own, 0, threshold)
+    _, explanation = begin(model, shares=SHARES, starts=[zero], priors=priors_of(scatter))
+    shown = _shown(model, explanation, 0, threshold)
     pairing, modes = shown.pairing, shown.modes
     if not pairing.measured.size:
         raise FitError(
@@ -129,20 +129,20 @@ def fit_matrices(
         pairing=pairing,
         distance=shown.distance,
         error=shown.error,
-        moved=model.moved(own),
-        at_bound=_at_bound(own),
-        together=_together(model, own),
+        moved=model.moved(explanation),
+        at_bound=_at_bound(explanation),
+        together=_together(model, explanation),
         initial_error=frequency_error(measured.frequency[pairing.measured], before.frequency[column]),
         initial_mac=first.mac[pairing.measured, column],
         stated_error=float(np.mean((measured.frequency_std / measured.frequency)[pairing.measured])),
     )
 
 
-def _shown(model: MatricesModel, own: Explanation, state: int, threshold: float) -> ModelFit:
+def _shown(model: MatricesModel, explanation: Explanation, state: int, threshold: float) -> ModelFit:
     """Put the model with an explanation beside the modes of a configuration."""
     tested = model.tested[state]
     measured = cast("ModalModel", tested.modes)
-    modes = _modes(model.about(own.coordinates, [own.x]), own.x, measured, state)
+    modes = _modes(model.about(explanation.coordinates, [explanation.x]), explanation.x, measured, state)
     pairing = pair(measured, modes, threshold=threshold)
     frequency = measured.frequency[pairing.measured]
     return ModelFit(
@@ -154,8 +154,8 @@ def _shown(model: MatricesModel, own: Explanation, state: int, threshold: float)
     )
 
 
-def _at_bound(own: Explanation) -> tuple[str, ...]:
-    return tuple(c.name for c, ends in zip(own.coordinates, own.at_bound, strict=True) if ends)
+def _at_bound(explanation: Explanation) -> tuple[str, ...]:
+    return tuple(c.name for c, ends in zip(explanation.coordinates, explanation.at_bound, strict=True) if ends)
 
 
 def _modes(local: LocalModel, x: Vector, measured: ModalModel, state: int = 0) -> Modes:
@@ -187,20 +187,22 @@ def modes_at(frequency: Vector, damping: Vector, shape: Vector, node: NDArray[np
     )
 
 
-def _together(model: MatricesModel, own: Explanation, *, told: float = 0.5, shows: float = 0.9) -> tuple[str, ...]:
-    """Say which combinations of stated terms the data tell, where they do not tell each of them.
+def _together(
+    model: MatricesModel, explanation: Explanation, *, narrowed: float = 0.5, shows: float = 0.9
+) -> tuple[str, ...]:
+    """Say which combinations of stated terms the data determine, where not each of them.
 
-    A term is told whose deviation fell below `told` of that of its prior. Combinations are the principal directions of
-    what the data leave in units of the priors; those are listed whose deviation fell below `shows`.
+    A term is determined whose deviation fell below `narrowed` of that of its prior. Combinations are the principal
+    directions of what the data leave in units of the priors; those are listed whose deviation fell below `shows`.
     """
     combined = 4  # terms of a combination that are named, and combinations
-    names = [c.name for c in own.coordinates]
+    names = [c.name for c in explanation.coordinates]
     stated = [i for i, n in enumerate(names) if n in {one.name for one in model.structure.factors}]
-    untold = [names[i] for i in stated if own.std[i] > told * own.coordinates[i].std]
-    if len(untold) < 2:
+    vague = [names[i] for i in stated if explanation.std[i] > narrowed * explanation.coordinates[i].std]
+    if len(vague) < 2:
         return ()
-    _, jacobian, _ = whitened(own.problem, own.evidence.sizes)
-    std = np.array([own.coordinates[i].std for i in stated])
+    _, jacobian, _ = whitened(explanation.problem, explanation.evidence.sizes)
+    std = np.array([explanation.coordinates[i].std for i in stated])
     size, turn = la.eigh(std[:, None] * (jacobian[:, stated].T @ jacobian[:, stated]) * std)
     left = 1.0 / np.sqrt(1.0 + np.maximum(size, 0.0))
     parts = []
@@ -211,7 +213,7 @@ def _together(model: MatricesModel, own: Explanation, *, told: float = 0.5, show
         parts.append(f"{words.removeprefix('+ ')} (now known to {left[k]:.2g} of before)")
     number = f"{len(model.states[0].frequency)} modes"
     tell = f"; what they tell is mostly {'; '.join(parts)}" if parts else ", nor any combination of them"
-    return (f"{model.tested[0].name}: {number} cannot tell these terms apart: {', '.join(untold)}{tell}",)
+    return (f"{model.tested[0].name}: {number} cannot tell these terms apart: {', '.join(vague)}{tell}",)
 
 
 @single_threaded
@@ -246,8 +248,8 @@ def diagnose_matrices(
     scatter = scatter or DiagnosisScatter()
     reduced: list[ReducedMatrices] = []
 
-    def make(own: Sequence[Tested]) -> tuple[MatricesModel, list[Vector]]:
-        model = MatricesModel(structure, own, scatter, reduced=reduced)
+    def make(tests: Sequence[Tested]) -> tuple[MatricesModel, list[Vector]]:
+        model = MatricesModel(structure, tests, scatter, reduced=reduced)
         return model, [np.zeros(len(model.nuisances))]
 
     given = [Tested(name=name, pressure=np.nan, modes=modes) for name, modes in tested]
@@ -255,6 +257,6 @@ def diagnose_matrices(
     model, found, mixed_up = search_corrected(make, given, node, shares=SHARES, priors=priors_of(scatter), asked=asked)
     decision = decide(found)
     shown = (found.base, *decision.left[:1])
-    models = {own.name: tuple(_shown(model, x, c, least_mac) for x in shown) for c, own in enumerate(model.tested)}
+    models = {one.name: tuple(_shown(model, x, c, least_mac) for x in shown) for c, one in enumerate(model.tested)}
     answer = replace(answer_of(model, found, decision, asked), mixed_up=mixed_up, models=models)
     return replace(answer, sentences=sentences(answer))

@@ -60,20 +60,20 @@ def candidates_of(
         places[name] = "the point of the force" if name == DRIVE else name, structure.groups[name]
     found: dict[str, Candidate] = {}
     for name, (label, node) in places.items():
-        own = np.intersect1d(node, structure.node)
-        if not own.size:
+        known = np.intersect1d(node, structure.node)
+        if not known.size:
             continue
         found[f"mass_at_{name}"] = Candidate(
             effect=_effect(f"mass_at_{name}", f"a mass at {label}", "inertia", _mass(f"mass_at_{name}", mass * total)),
-            parts=_acting("M", own, (0, 1, 2)),
+            parts=_acting("M", known, (0, 1, 2)),
         )
         for axis in range(3):
-            if not np.any((structure.dof == axis + 1) & np.isin(structure.node, own)):
+            if not np.any((structure.dof == axis + 1) & np.isin(structure.node, known)):
                 continue
             key, along = f"spring_at_{name}_{DIRECTIONS[axis]}", f"along {DIRECTIONS[axis]}"
             what = f"a spring from {label} to the ground {along}"
             effect = _effect(key, what, "boundary", _spring(key, soft, stiff))
-            found[key] = Candidate(effect=effect, parts=_acting("K", own, (axis,)))
+            found[key] = Candidate(effect=effect, parts=_acting("K", known, (axis,)))
 
     def loaded(reduced: ReducedMatrices) -> Parts:
         rows = sensors(reduced)
@@ -150,11 +150,11 @@ def _stated(name: str) -> Callable[[ReducedMatrices], Parts]:
     """Return what a term of the structure file adds for each unit of its factor."""
 
     def parts(reduced: ReducedMatrices) -> Parts:
-        own: dict[Target, Vectors] = {}
+        changes: dict[Target, Vectors] = {}
         for target in ("K", "M", "C"):
             change = reduced.derivative(target, reduced.theta, name)
             if np.any(change):
-                own[target] = change
-        return own
+                changes[target] = change
+        return changes
 
     return parts

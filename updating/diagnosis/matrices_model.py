@@ -81,27 +81,27 @@ class MatricesModel:
         spare = 4  # modes whose equations are looked at beside as many as were measured
         below = 0.3  # of the lowest measured frequency, below which a mode is motion of a rigid body
         self.scatter, self.tested = scatter, tuple(tested)
-        every = [cast("ModalModel", own.modes) for own in tested]
+        every = [cast("ModalModel", one.modes) for one in tested]
         top = max(float(modes.frequency.max()) for modes in every)
         self.structure = _with_drive(replace(structure, band_Hz=max(structure.band_Hz, above * top)), every[0])
         self.places = tuple(_placed(self.structure, modes.geometry, modes.node, modes.direction) for modes in every)
         self.damped = any(term.target == "C" for term in self.structure.terms)
-        self.states = tuple(state_of(own, touching=self.damped) for own in self.tested)
-        lowest = min(float(own.frequency.min()) for own in self.states)
+        self.states = tuple(state_of(test, touching=self.damped) for test in self.tested)
+        lowest = min(float(state.frequency.min()) for state in self.states)
         self.rigid = (2.0 * np.pi * below * lowest) ** 2
         self.n_gain = n_gain([modes.sensor for modes in every])
         point = _every_way(self.structure, every[0])
         self.candidates = candidates_of(
             self.structure, lambda reduced: point.rows(reduced)[0], len(point.node) // 3, lowest
         )
-        self.effects: dict[str, Effect] = {name: own.effect for name, own in self.candidates.items()}
-        self.parameters: dict[str, Parameter] = {name: own.parameters[0] for name, own in self.effects.items()}
+        self.effects: dict[str, Effect] = {name: candidate.effect for name, candidate in self.candidates.items()}
+        self.parameters: dict[str, Parameter] = {name: effect.parameters[0] for name, effect in self.effects.items()}
         self._known_to_hold: list[Vector] = []  # factors at which a basis, and so each wider one, is exact enough
         self._reduced = [] if reduced is None else reduced
         if not self._reduced:
             self._reduced.append(reduce_matrices(self.structure))
         frequency = self.reduced.solve()[0]
-        most = max(own.frequency.size for own in self.states)
+        most = max(state.frequency.size for state in self.states)
         rigid = int(np.count_nonzero(frequency < np.sqrt(self.rigid) / (2.0 * np.pi)))
         self.n_equation = min(
             max(int(np.count_nonzero(frequency < above * top)), rigid + most + spare), self.reduced.size
@@ -151,7 +151,7 @@ class MatricesModel:
             else:
                 found.append(_known(name, known[name], known[name]))
         found += [_known(f"gain[sensor {i + 2}]", s.gain, 0.01) for i in range(self.n_gain)]
-        if any(np.any(own.slope) for own in self.places) and np.ptp(self.structure.location[:, 0]) > 0.0:
+        if any(np.any(points.slope) for points in self.places) and np.ptp(self.structure.location[:, 0]) > 0.0:
             found.append(_known(POINTS_SHIFT, s.points_shift, 1e-3))
         if self.damped:
             found.append(_known(DECAY, 1e-3, 1e-3))
@@ -178,8 +178,8 @@ class MatricesModel:
         for name, which, std in (
             (SENSOR_GAIN, "gain[", GAIN), (STATED_POINTS, POINTS_SHIFT, PLACE), (WINDOW, DECAY, FALL),
         ):  # fmt: skip
-            if own := {c: std for c in names if c.startswith(which)}:
-                found[name] = own
+            if widened := {c: std for c in names if c.startswith(which)}:
+                found[name] = widened
         return found
 
     def _bounded(self, name: str) -> bool:
@@ -190,8 +190,8 @@ class MatricesModel:
     def labels(self) -> dict[str, str]:
         """What a person calls each effect and hypothesis."""
         stated = {f"stated_{name}": f"{name.replace('_', ' ')} stated wrongly" for name in self.factors}
-        own = {**LABELS, **stated}
-        return {n: e.label for n, e in self.effects.items()} | {n: own[n] for n in self.hypotheses}
+        every = {**LABELS, **stated}
+        return {n: e.label for n, e in self.effects.items()} | {n: every[n] for n in self.hypotheses}
 
     def unit(self, nuisance: str) -> str:
         """Return the unit of a nuisance: m of places, 1/s of a decay, 1 of a factor."""
@@ -215,10 +215,12 @@ class MatricesModel:
             return nominal + x, 1.0
         return float(nominal * np.exp(x)), float(nominal * np.exp(x))
 
-    def moved(self, own: Explanation) -> tuple[Moved, ...]:
+    def moved(self, explanation: Explanation) -> tuple[Moved, ...]:
         """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""
         found = []
-        for c, x, std in list(zip(own.coordinates, own.x, own.std, strict=True))[: own.n_nuisance]:
+        for c, x, std in list(zip(explanation.coordinates, explanation.x, explanation.std, strict=True))[
+            : explanation.n_nuisance
+        ]:
             gain = c.name.startswith("gain[")
             if c.name in self.factors:
                 stated, (value, slope) = self.factors[c.name], self.value(c.name, float(x))
@@ -251,7 +253,7 @@ class MatricesModel:
         close = 0.02  # of each factor, within which the error is that of a known point: it grows with the cube
         exact = 1e-4  # relative error of a frequency from which the structure is reduced anew
         place = np.array([at.get(one.name, one.nominal) for one in self.structure.factors])
-        if not any(np.all(np.abs(place - own) <= close * np.abs(own)) for own in self._known_to_hold):
+        if not any(np.all(np.abs(place - known) <= close * np.abs(known)) for known in self._known_to_hold):
             if self.reduced.error(at) > exact:
                 return False
             self._known_to_hold.append(place)
@@ -260,14 +262,14 @@ class MatricesModel:
     def parts(self) -> list[tuple[Target, str, Vector]]:
         """Return what the matrices are the sum of: target, what it is multiplied by, and matrix."""
         if self._parts[0] != len(self._reduced):
-            own: list[tuple[Target, str, Vector]] = []
+            parts: list[tuple[Target, str, Vector]] = []
             for term in self.reduced.terms:
                 name = next(iter(term.factor.names({})), WHOLE[term.target])
                 if name in self.factors:
-                    own.append((term.target, name, np.asarray(term.matrix)))
+                    parts.append((term.target, name, np.asarray(term.matrix)))
             for name, one in self.candidates.items():
-                own += [(target, name, matrix) for target, matrix in one.parts(self.reduced).items()]
-            self._parts = len(self._reduced), own
+                parts += [(target, name, matrix) for target, matrix in one.parts(self.reduced).items()]
+            self._parts = len(self._reduced), parts
         return self._parts[1]
 
 
@@ -313,8 +315,8 @@ def _with_drive(structure: MatrixStructure, modes: ModalModel) -> MatrixStructur
     """Return a structure with the node nearest to the force as a patch, where the points say where that is."""
     if not np.isin(modes.input.node, modes.geometry.node).all():
         return structure
-    own = _placed(structure, modes.geometry, modes.input.node[:1], modes.input.direction[:1])
-    groups = {**structure.groups, DRIVE: own.node[0, :1]}
+    placed = _placed(structure, modes.geometry, modes.input.node[:1], modes.input.direction[:1])
+    groups = {**structure.groups, DRIVE: placed.node[0, :1]}
     return replace(structure, groups=groups, patches=(*structure.patches, DRIVE))
 
 
@@ -338,9 +340,9 @@ class MatricesNear:
         kept = value > 1e-12 * value[-1]
         self.basis = vector[:, kept] / np.sqrt(value[kept])  # in which the nominal mass is the identity
         self.n_equation = min(whole.n_equation, self.basis.shape[1])
-        self.rows = [own.rows(self.reduced) for own in whole.places]
+        self.rows = [points.rows(self.reduced) for points in whole.places]
         acting = [(t, n, m) for t, n, m in whole.parts() if n in self.at or n in whole.factors]
-        self.own = {
+        self.acting = {
             target: (
                 [n for t, n, _ in acting if t == target],
                 np.array([self.basis.T @ m @ self.basis for t, _, m in acting if t == target]),
@@ -365,15 +367,15 @@ class MatricesNear:
         n_rigid = int(np.count_nonzero(low < whole.rigid))
         low[:n_rigid] = 0.0
         moves: dict[int, Vector] = {}
-        for which, (names, stacked) in enumerate((self.own["K"], self.own["M"])):
-            for name, own in zip(names, stacked, strict=True):
+        for which, (names, stacked) in enumerate((self.acting["K"], self.acting["M"])):
+            for name, part in zip(names, stacked, strict=True):
                 if name in self.at:
                     change = moves.setdefault(self.at[name], np.zeros((2, size, m)))
-                    change[which] += theta[name][1] * (every.T @ (own @ vector))
+                    change[which] += theta[name][1] * (every.T @ (part @ vector))
         damping, damps = (vector.T @ matrix["C"] @ vector)[None], dict[int, Vector]()
-        for name, own in zip(*self.own["C"], strict=True):
+        for name, part in zip(*self.acting["C"], strict=True):
             if name in self.at:
-                damps[self.at[name]] = theta[name][1] * (vector.T @ own @ vector)[None]
+                damps[self.at[name]] = theta[name][1] * (vector.T @ part @ vector)[None]
         if DECAY in self.at:
             inertia = vector.T @ matrix["M"] @ vector
             damping = damping + 2.0 * at[DECAY] * inertia
@@ -402,14 +404,14 @@ class MatricesNear:
     def theta(self, x: Vector) -> dict[str, tuple[float, float]]:
         """Return what each part is multiplied by at coordinates, and its derivative."""
         at = dict(zip(self.names, x.tolist(), strict=True))
-        every = {n for names, _ in self.own.values() for n in names}
+        every = {n for names, _ in self.acting.values() for n in names}
         return {n: self.whole.value(n, at.get(n, 0.0)) for n in every}
 
     def solved(self, x: Vector) -> tuple[Vector, Vector, dict[Target, Vector]]:
         """Return all eigenvalues and modes at coordinates, and K, M and C."""
         theta, size = self.theta(x), self.basis.shape[1]
         matrix: dict[Target, Vector] = {t: np.zeros((size, size)) for t in WHOLE}
-        for target, (names, stacked) in self.own.items():
+        for target, (names, stacked) in self.acting.items():
             if names:
                 matrix[target] = np.tensordot([theta[n][0] for n in names], stacked, 1)
         value, every = la.eigh(matrix["K"], matrix["M"], check_finite=False)
@@ -421,7 +423,7 @@ class MatricesNear:
         gains = [f"gain[sensor {i}]" for i in range(2, self.whole.n_gain + 2)]
         gain = np.exp([0.0, *(at.get(name, 0.0) for name in gains)])[np.minimum(sensor, len(gains))]
         gain = np.where(sensor <= len(gains), gain, 1.0)
-        rows, slope = (gain[:, None] * (own @ self.basis @ every) for own in self.rows[state])
+        rows, slope = (gain[:, None] * (points @ self.basis @ every) for points in self.rows[state])
         rows = rows + at.get(POINTS_SHIFT, 0.0) * slope
         look = {self.at[n]: (sensor == i)[:, None] * rows for i, n in enumerate(gains, 1) if n in self.at}
         if POINTS_SHIFT in self.at:
@@ -437,7 +439,7 @@ class MatricesScreen:
         every, m = near.solved(x)[1], near.n_equation
         self._block: dict[Target, Vector] = {}
         self._beyond: dict[Target, Vector] = {}
-        for target, (names, stacked) in near.own.items():
+        for target, (names, stacked) in near.acting.items():
             turned = stacked @ every if names else np.zeros((0, *every.shape))
             low = every if target != "C" else every[:, :m]
             self._block[target] = low.T @ turned[:, :, :m]
@@ -447,11 +449,11 @@ class MatricesScreen:
         """Return what the coordinates that differ at `x` change."""
         near = self.near
         here, there = near.theta(self.x), near.theta(x)
-        acting = {n for names, _ in near.own.values() for n in names}
+        acting = {n for names, _ in near.acting.values() for n in names}
         moved = [i for i in np.flatnonzero(x != self.x).tolist() if near.names[i] in acting]
 
         def summed(target: Target, blocks: Vector) -> tuple[Vector, Vector]:
-            names = near.own[target][0]
+            names = near.acting[target][0]
             step = np.array([there[n][0] - here[n][0] for n in names])
             rate = np.array([[there[n][1] * (near.at.get(n) == i) for n in names] for i in moved])
             by = np.tensordot(rate.reshape(len(moved), len(names)), blocks, 1)

@@ -14,19 +14,19 @@ apart, for what is lightly damped acts sharply."""
 
 def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses on springs, up to half of what is there: across laminas, or along each axis."""
-    own = structure.pulled(at)
+    points = structure.pulled(at)
     tuned = np.geomspace(0.5 * structure.band[0], 2.0 * structure.band[1], N_TUNED)
-    n = len(own.place)
+    n = len(points.place)
     part = Part(
-        rows=own.rows,
+        rows=points.rows,
         target="M",
-        weight=own.weight[np.tile(np.arange(n), N_TUNED)],
+        weight=points.weight[np.tile(np.arange(n), N_TUNED)],
         resonance=(2.0 * np.pi * np.repeat(tuned, n)) ** 2,
     )
     return plain(
-        np.tile(own.place, (N_TUNED, 1)),
+        np.tile(points.place, (N_TUNED, 1)),
         (part,),
-        part=np.tile(own.part, N_TUNED),
+        part=np.tile(points.part, N_TUNED),
         n_cell=len(at),
         upper=0.5 * structure.mass,
     )

@@ -8,9 +8,9 @@ from updating.changes.structure import Part, Structure, Vector
 
 def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses at points, up to half of what is there."""
-    own = structure.tied(at)
-    part = Part(rows=own.rows, target="M", weight=own.weight)
-    return plain(own.place, (part,), part=own.part, n_cell=len(at), upper=0.5 * structure.mass)
+    points = structure.tied(at)
+    part = Part(rows=points.rows, target="M", weight=points.weight)
+    return plain(points.place, (part,), part=points.part, n_cell=len(at), upper=0.5 * structure.mass)
 
 
 KIND = Kind(

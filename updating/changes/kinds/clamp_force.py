@@ -39,8 +39,8 @@ def _about_clamps(fields: Fields) -> NDArray[np.float64]:
 def under_clamps(fields: Fields) -> list[Part]:
     """Return the contact about each clamp, as what presses evenly spreads."""
     rows = _about_clamps(fields)
-    own = np.eye(len(rows))[-len(fields.stack.clamps) :]
-    return [Part(rows=rows, target="K", weight=sp.csr_array(line[None])) for line in own]
+    alone = np.eye(len(rows))[-len(fields.stack.clamps) :]
+    return [Part(rows=rows, target="K", weight=sp.csr_array(line[None])) for line in alone]
 
 
 def at_clamps(

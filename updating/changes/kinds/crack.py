@@ -59,15 +59,15 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
     )
 
 
-def _opened(fields: Fields, own: Candidates) -> Vector:
+def _opened(fields: Fields, crack: Candidates) -> Vector:
     """Return how stresses across one crack open it, by the functions in which it opens; see `Kind.opened`.
 
     The faces of a crack in a single plate also slide past each other: they are free of shear as well. A jump of the
     deflection whose slope along the crack is sqrt(a**2 - s**2) U_j costs what a jump of the slope across does.
     """
-    nu, angle, half = fields.stack.material.poisson, float(own.angle[0]), float(own.size[0]) / 2.0
+    nu, angle, half = fields.stack.material.poisson, float(crack.angle[0]), float(crack.size[0]) / 2.0
     t, weight = np.polynomial.legendre.leggauss(_N_ALONG)
-    place = own.place[0, :2] + half * t[:, None] * [np.cos(angle), np.sin(angle)]
+    place = crack.place[0, :2] + half * t[:, None] * [np.cos(angle), np.sin(angle)]
     which, share = fields.grid.shares(place)
     weight = weight * share.sum(axis=1)  # of what is within the outline
     slope = np.sqrt(1.0 - t**2) * special.eval_chebyu(np.arange(_N_OPENING)[:, None], t)  # (j, t)
@@ -75,7 +75,7 @@ def _opened(fields: Fields, own: Candidates) -> Vector:
     closed = (slope * weight / np.sqrt(1.0 - t**2)) @ slope.T
     closed *= (number[:, None] + number) / 2.0 * (3.0 + nu) * (1.0 - nu) / 4.0
     if fields.stack.n_lamina > 1:
-        across = fields.across(fields.layers[int(own.layer[0])], angle)
+        across = fields.across(fields.layers[int(crack.layer[0])], angle)
         rows = np.einsum("pk,pkrm->prm", share / np.maximum(share.sum(axis=1), 0.1)[:, None], across[which])
         return _eased(closed, half * np.einsum("jp,prm->jrm", slope * weight, rows))
     moment, twist, shear = _resultants(fields, place, angle)

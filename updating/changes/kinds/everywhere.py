@@ -41,12 +41,12 @@ def all_over(
     """Return each of some parts as a candidate, with more (sign 1) or less (-1) of it."""
     parts = of(fields)
     n = len(parts)
-    own = [np.zeros((n, 1)) for _ in parts]
-    for i, line in enumerate(own):
+    weights = [np.zeros((n, 1)) for _ in parts]
+    for i, line in enumerate(weights):
         line[i] = sign
     shifted = tuple(
         Part(rows=part.rows, target=part.target, weight=sp.csr_array(line @ part.weight.toarray()))
-        for part, line in zip(parts, own, strict=True)
+        for part, line in zip(parts, weights, strict=True)
     )
     place = np.zeros((n, 3))
     place[:, :2] = fields.grid.point.mean(axis=0)

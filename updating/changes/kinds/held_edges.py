@@ -124,7 +124,7 @@ def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candid
                 size.append(np.full(middle.size, share * whole))
                 number.append(np.full(middle.size, edge.number))
                 angle.append(np.full(middle.size, np.pi / 2.0 if axis else 0.0))
-                blocks += [(own, sp.csr_array(weight), n, len(along)) for own in held]
+                blocks += [(rows, sp.csr_array(weight), n, len(along)) for rows in held]
                 n += middle.size
     parts = []
     for rows, weight, first, n_point in blocks:

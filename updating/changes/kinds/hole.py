@@ -2,7 +2,7 @@
 
 Strains concentrate around a hole. Of a small round one in a thin plate, whose loads stay, 2 / (1 - nu) of the energy
 goes that was in its area by a mean curvature or a mean strain, and of the rest of the energy 4 / (3 + nu) where it is
-bent, 4 / (1 + nu) where it is strained in its plane (Kirsch's solution, and that of a bent plate: Timoshenko and
+bent, 4 / (1 + nu) where it is stretched in its plane (Kirsch's solution, and that of a bent plate: Timoshenko and
 Woinowsky-Krieger, Theory of Plates and Shells, 1959).
 """
 
@@ -38,9 +38,9 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
     )
 
 
-def _opened(fields: Fields, own: Candidates) -> Vector:
+def _opened(fields: Fields, holes: Candidates) -> Vector:
     """Return how the stresses about one hole strain it; see `Kind.opened`."""
-    share = _share(fields, own.place[:, :2], own.extra)
+    share = _share(fields, holes.place[:, :2], holes.extra)
     rows = fields.around_hole(fields.layers[0])[share.indices] * np.sqrt(share.data)[:, None, None]
     # as few rows that have the same squares
     value, axes = la.eigh(np.tensordot(rows, rows, axes=((0, 1), (0, 1))))

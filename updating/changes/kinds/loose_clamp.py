@@ -11,14 +11,14 @@ from updating.changes.fields import Vector
 from updating.changes.kinds.clamp_force import at_clamps
 
 
-def _share(own: Candidates, found: Vector) -> Vector:
+def _share(clamps: Candidates, found: Vector) -> Vector:
     """Return the share of the contact's stiffness that goes with an amplitude, which may go with the clamp's mass."""
-    return np.asarray(own.extra.reshape(-1, *(1,) * (found.ndim - 1)) * found)
+    return np.asarray(clamps.extra.reshape(-1, *(1,) * (found.ndim - 1)) * found)
 
 
-def _gone(own: Candidates, found: Vector) -> Vector:
+def _gone(clamps: Candidates, found: Vector) -> Vector:
     """Return the share that is gone under the clamp."""
-    return gone(own, _share(own, found))
+    return gone(clamps, _share(clamps, found))
 
 
 KIND = Kind(

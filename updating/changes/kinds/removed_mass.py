@@ -8,9 +8,9 @@ from updating.changes.structure import Part, Structure, Vector
 
 def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses taken away at points."""
-    own = structure.tied(at)
-    part = Part(rows=own.rows, target="M", weight=own.weight, sign=-1.0)
-    return plain(own.place, (part,), part=own.part, n_cell=len(at), upper=structure.removable)
+    points = structure.tied(at)
+    part = Part(rows=points.rows, target="M", weight=points.weight, sign=-1.0)
+    return plain(points.place, (part,), part=points.part, n_cell=len(at), upper=structure.removable)
 
 
 KIND = Kind(

@@ -8,9 +8,9 @@ from updating.changes.structure import Part, Structure, Vector
 
 def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return springs at points: across laminas, or along each axis."""
-    own = structure.pulled(at)
-    part = Part(rows=own.rows, target="K", weight=own.weight)
-    return plain(own.place, (part,), part=own.part, n_cell=len(at), upper=structure.stiffest)
+    points = structure.pulled(at)
+    part = Part(rows=points.rows, target="K", weight=points.weight)
+    return plain(points.place, (part,), part=points.part, n_cell=len(at), upper=structure.stiffest)
 
 
 KIND = Kind(

@@ -16,7 +16,7 @@ def why_not(structure: Structure) -> str | None:
 
 def of_terms(structure: Structure, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
     """Return each stated term with more (sign 1) or less (-1) of it; what is not there cannot be less."""
-    number = [i for i, own in enumerate(structure.stated) if own.there or sign > 0.0]
+    number = [i for i, term in enumerate(structure.stated) if term.there or sign > 0.0]
     n, parts = len(number), list[Part]()
     for j, i in enumerate(number):
         for part in structure.stated[i].parts:
