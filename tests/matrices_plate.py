@@ -12,7 +12,7 @@ import scipy.sparse.linalg as sla
 import model
 from ema import ModalModel, read_campaign
 from ema.modal.read_modes import read_modes
-from model.matrices.reduced import places_on
+from model.matrices.reduced import points_on
 
 EXAMPLE = Path(__file__).parents[1] / "data/matrices_example"
 POINTS = np.loadtxt(EXAMPLE / "points.csv", delimiter=",", skiprows=1)
@@ -74,7 +74,7 @@ def plate_test(
     square, vector = sla.eigsh(
         sp.csc_matrix(matrix["K"]), 14, sp.csc_matrix(matrix["M"]), sigma=-1e4, v0=np.ones(structure.node.size)
     )
-    at = places_on(structure, POINTS[:, 0], 1e-3 * POINTS[:, 1:], np.tile([0.0, 0.0, 1.0], (len(POINTS), 1)))
+    at = points_on(structure, POINTS[:, 0], 1e-3 * POINTS[:, 1:], np.tile([0.0, 0.0, 1.0], (len(POINTS), 1)))
     up = {int(n): i for i, (n, d) in enumerate(zip(structure.node, structure.dof, strict=True)) if d == 3}
     near = np.array([[up[int(n)] for n in nodes] for nodes in at.node])
     rows = np.einsum("ik,ikm->im", at.weight, vector[near])

@@ -413,17 +413,17 @@ _SINGULAR = 1e-4  # of the polynomial: directions in which nodes do not spread
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Places:
-    """Where displacements are looked at.
+class ObservedPoints:
+    """Where dislocationments are looked at.
 
     Attributes
     ----------
     node : (n, k) int
-        Nodes about each place.
+        Nodes about each location.
     weight, slope : (n, k) float
-        What of their motion is that of the place, and its derivative along x, 1/m.
+        What of their motion is that of the location, and its derivative along x, 1/m.
     distance : (n,) float
-        From the place to the nearest node, m.
+        From the location to the nearest node, m.
     direction : (n, 3) float
         Direction that is looked at, of unit length.
     """
@@ -442,9 +442,9 @@ class Places:
         return np.einsum("nkj,nk->nj", along, self.weight), np.einsum("nkj,nk->nj", along, self.slope)
 
 
-def places_on(
+def points_on(
     structure: MatrixStructure, number: Index, location: Vectors, direction: Vectors, *, tolerance: float = 0.01
-) -> Places:
+) -> ObservedPoints:
     """Place measured components on a structure.
 
     A point on a node moves as that; any other as the polynomial of second order that fits the nodes about it best, the
@@ -474,7 +474,7 @@ def places_on(
                 "file says where nodes are; name one by matrices.nodes, or number the points as the nodes"
             )
         one, none = np.ones((n, 1)), np.zeros((n, 1))
-        return Places(node=number[:, None], weight=one, slope=none, distance=none[:, 0], direction=direction)
+        return ObservedPoints(node=number[:, None], weight=one, slope=none, distance=none[:, 0], direction=direction)
     k = min(_ABOUT, np.unique(structure.node).size)
     node, distance = np.zeros((n, k), dtype=np.int64), np.zeros(n)
     weight, slope = np.zeros((n, k)), np.zeros((n, k))
@@ -496,7 +496,7 @@ def places_on(
                 f"{structure.name}: point {number[rows[i]]} is {1e3 * found[3][i]:.4g} mm from the nearest node; "
                 f"nodes span {span} mm. Points must have the coordinates of the model: check their unit and origin"
             )
-    return Places(node=node, weight=weight, slope=slope, distance=distance, direction=direction)
+    return ObservedPoints(node=node, weight=weight, slope=slope, distance=distance, direction=direction)
 
 
 def _moving(structure: MatrixStructure, axes: NDArray[np.bool_]) -> Index:

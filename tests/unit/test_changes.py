@@ -117,7 +117,7 @@ def test_a_line_has_its_length_where_the_plan_is_and_nothing_beyond():
 def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
     for n_lamina, held in ((1, True), (12, False)):
         _, made = fields(n_lamina, held)
-        at, _ = made.places()
+        at, _ = made.locations()
         for kind in kinds():
             why = kind.why_not(made)
             if why is not None:
@@ -135,7 +135,7 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
 def test_kinds_that_differ_by_their_sign_are_weighed_once():
     _, made = fields(12)
     own = {kind.name: kind for kind in kinds()}
-    at, _ = made.places()
+    at, _ = made.locations()
     m = made.n_mode
     actions = Actions(Measured(weight=np.eye(m)[:4], eigenvalue=np.ones(4), scale=np.ones((4, m))))
     for less, more in (

@@ -17,7 +17,7 @@ import scipy.sparse.linalg as sla
 import model
 from model.matrices.labelled import placed, symmetric
 from model.matrices.readers import read_entries
-from model.matrices.reduced import places_on
+from model.matrices.reduced import points_on
 from model.matrices.rows import read_nodes
 from model.solvers.eigen import CholeskyFactor, NotPositiveError
 
@@ -423,7 +423,7 @@ def bending(place):
 def test_rows_are_shapes_at_places(example):
     structure, reduced = example
     on, between = [0.24, 0.0, 0.004], [0.13, 0.07, 0.0041]
-    found = places_on(structure, [1, 2], np.array([on, between]), np.array([[0, 0, 1.0]] * 2))
+    found = points_on(structure, [1, 2], np.array([on, between]), np.array([[0, 0, 1.0]] * 2))
     assert found.distance == pytest.approx([0.0, np.hypot(0.01, 0.01)], rel=1e-4)
     shape = sparse_modes(structure, structure.theta, 3)[1][:, 0]
     tip = np.flatnonzero((structure.dof == 3) & (np.linalg.norm(structure.location - on, axis=1) < 1e-9))
@@ -437,17 +437,17 @@ def test_rows_are_shapes_at_places(example):
 
 def test_a_point_off_the_structure_is_named(example):
     with pytest.raises(model.MatricesError, match=r"point 7 is 260 mm from the nearest node.*check their unit"):
-        places_on(example[0], [7], np.array([[0.5, 0.0, 0.0]]), np.array([[0, 0, 1.0]]))
+        points_on(example[0], [7], np.array([[0.5, 0.0, 0.0]]), np.array([[0, 0, 1.0]]))
 
 
 def test_points_are_nodes_where_no_file_says_where_these_are(tmp_path):
     structure = model.read_matrices(write(tmp_path, labels=table().replace(",x,y,z", ",a,b,c")))
-    rows = places_on(structure, NODE[:2], np.zeros((2, 3)), np.array([[1.0, 0, 0]] * 2)).rows(
+    rows = points_on(structure, NODE[:2], np.zeros((2, 3)), np.array([[1.0, 0, 0]] * 2)).rows(
         model.reduce_matrices(structure)
     )[0]
     assert rows.shape == (2, N)
     with pytest.raises(model.MatricesError, match="point 3 has no node of its number"):
-        places_on(structure, [3], np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
+        points_on(structure, [3], np.zeros((1, 3)), np.array([[1.0, 0, 0]]))
 
 
 def test_a_basis_is_joined_where_factors_go_far(example):

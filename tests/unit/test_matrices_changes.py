@@ -12,7 +12,7 @@ import model
 from tests.matrices_plate import EXAMPLE, plate_test
 from updating.changes.compare import what_changed
 from updating.changes.kinds import kinds
-from updating.changes.nodes import N_PLACE, Nodes
+from updating.changes.nodes import N_LOCATION, Nodes
 from updating.changes.reference import fit_matrices_reference
 from updating.changes.refined import Condensed
 from updating.changes.scan import Actions, Measured
@@ -110,7 +110,7 @@ def test_without_locations_a_node_is_named_by_its_number(structure, measured):
 
 
 def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be(nodes):
-    at, _ = nodes.places()
+    at, _ = nodes.locations()
     possible = set()
     for kind in kinds():
         why = kind.why_not(nodes)
@@ -145,8 +145,8 @@ def test_a_fine_mesh_is_looked_at_coarsely_first():
     fine = Nodes.__new__(Nodes)
     fine.location = grid.reshape(-1, 3)
     fine.number = np.arange(len(fine.location))
-    place, side = fine.places()
-    assert N_PLACE / 2 < len(place) <= N_PLACE
+    place, side = fine.locations()
+    assert N_LOCATION / 2 < len(place) <= N_LOCATION
     near = fine.finer(place[:2], side)
     assert len(near) > 2 * len(place[:2])
     assert np.linalg.norm(near[:, None] - place[:2], axis=2).min(axis=1).max() < 1.5 * side.max()

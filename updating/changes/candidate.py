@@ -22,7 +22,7 @@ class Candidates:
 
     Attributes
     ----------
-    place : (n, 3) float
+    location : (n, 3) float
         Their middles, m.
     size : (n,) float
         Radius or length, m; NaN where a kind has none.
@@ -44,7 +44,7 @@ class Candidates:
         Number of the size, direction, height and so on among those that are tried at each location.
     """
 
-    place: Vector
+    location: Vector
     size: Vector
     angle: Vector
     layer: NDArray[np.intp]
@@ -58,12 +58,12 @@ class Candidates:
     @property
     def n(self) -> int:
         """How many they are."""
-        return len(self.place)
+        return len(self.location)
 
     def only(self, which: NDArray[np.intp]) -> Candidates:
         """Return some of them."""
         return Candidates(
-            place=self.place[which],
+            location=self.location[which],
             size=self.size[which],
             angle=self.angle[which],
             layer=self.layer[which],
@@ -80,7 +80,7 @@ def joined_candidates(one: Candidates, other: Candidates) -> Candidates:
     """Return candidates of one kind together, without what they add: that is weighed by then."""
     both = {
         name: np.concatenate([getattr(one, name), getattr(other, name)])
-        for name in ("place", "size", "angle", "layer", "part", "cell", "extra", "form")
+        for name in ("location", "size", "angle", "layer", "part", "cell", "extra", "form")
     }
     return Candidates(**both, parts=(), upper=one.upper)
 
@@ -191,7 +191,7 @@ _END = np.exp(-6.0)  # of a bell's height, below which it is nothing
 
 
 def bumps(grid: Grid, centre: Vector, radius: Vector) -> Any:
-    """Return weights of bells about places, (n, n_point): areas where the bell is 1.
+    """Return weights of bells about locations, (n, n_point): areas where the bell is 1.
 
     Radii are (n,), or (n, 2) along x and y, infinite where a bell is a stripe.
     """
@@ -213,12 +213,12 @@ def lines(
     profile: Callable[[Vector], Vector] = np.ones_like,
     n: int = 12,
 ) -> Any:
-    """Return weights of lines about places, (n, n_point): lengths, times a profile of the place along, from -1 to 1."""
+    """Return weights of lines about locations, (n, n_point): lengths, times a profile along each, from -1 to 1."""
     node, share = np.polynomial.legendre.leggauss(n)
     half = length[:, None] / 2.0
     along = np.column_stack([np.cos(angle), np.sin(angle)])
-    place = centre[:, None] + half[:, :, None] * node[None, :, None] * along[:, None]
-    which, shares = grid.shares(place.reshape(-1, 2))
+    location = centre[:, None] + half[:, :, None] * node[None, :, None] * along[:, None]
+    which, shares = grid.shares(location.reshape(-1, 2))
     weight = shares.reshape(len(centre), n, 4) * (half * share * profile(node))[:, :, None]
     row = np.broadcast_to(np.arange(len(centre))[:, None, None], weight.shape)
     found = sp.coo_array((weight.ravel(), (row.ravel(), which.ravel())), shape=(len(centre), len(grid.point)))
@@ -231,13 +231,13 @@ def crossed(*parts: NDArray[Any]) -> list[NDArray[Any]]:
     return [part[index.ravel()] for part, index in zip(parts, number, strict=True)]
 
 
-def at_heights(place: Vector, heights: float | Vector) -> Vector:
-    """Return places over the plan with heights, (n, 3)."""
-    return np.column_stack([place, np.broadcast_to(np.asarray(heights, float), (len(place),))])
+def at_heights(location: Vector, heights: float | Vector) -> Vector:
+    """Return locations over the plan with heights, (n, 3)."""
+    return np.column_stack([location, np.broadcast_to(np.asarray(heights, float), (len(location),))])
 
 
 def plain(
-    place: Vector,
+    location: Vector,
     parts: tuple[Part, ...],
     *,
     size: Vector | None = None,
@@ -248,11 +248,11 @@ def plain(
     upper: float = np.inf,
     n_cell: int = 0,
 ) -> Candidates:
-    """Return candidates at places (n, 3), what is not given being none; `n_cell` locations repeat themselves."""
-    n = len(place)
+    """Return candidates at locations (n, 3), what is not given being none; `n_cell` locations repeat themselves."""
+    n = len(location)
     nothing = np.full(n, np.nan)
     return Candidates(
-        place=place,
+        location=location,
         size=nothing if size is None else size,
         angle=nothing if angle is None else angle,
         layer=np.zeros(n, dtype=np.intp) if layer is None else layer,

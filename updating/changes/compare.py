@@ -165,10 +165,10 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
 
     A kind that explains less than half of what another does is left as it is.
     """
-    actions, (place, step) = Actions(at.ours), at.structure.places()
+    actions, (location, step) = Actions(at.ours), at.structure.locations()
     error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
     root = la.cholesky(covariance, lower=True, check_finite=False)
-    coarse = [(kind, candidates) for kind in every if (candidates := kind.candidates(at.structure, place)).n]
+    coarse = [(kind, candidates) for kind in every if (candidates := kind.candidates(at.structure, location)).n]
     batches = [
         _batch(kind, candidates, np.full(candidates.n, -np.log(candidates.n)), actions) for kind, candidates in coarse
     ]
@@ -179,11 +179,11 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
         if not batch.kind.on_plan or log_evidence < min(best / 2.0, best - WITHIN):
             found.append(batch)
             continue
-        cell = scipy.special.logsumexp(log.reshape(-1, len(place)), axis=0)  # all of them for each size
+        cell = scipy.special.logsumexp(log.reshape(-1, len(location)), axis=0)  # all of them for each size
         cell = np.exp(cell - scipy.special.logsumexp(cell))
         near = np.argsort(-cell)[:MOST_CELLS]
-        near = near[cell[near] > max(LEAST_SHARE, STANDS_OUT / len(place))]
-        found += _closer(batch, near, at.structure.finer(place[near], step), at.structure, actions)
+        near = near[cell[near] > max(LEAST_SHARE, STANDS_OUT / len(location))]
+        found += _closer(batch, near, at.structure.finer(location[near], step), at.structure, actions)
     return found
 
 
@@ -411,8 +411,8 @@ def _kind(at: Situation, tried: _Tried, odds: float, probability: float, misfit:
     each = share.sum(axis=0)
     i = int(np.argmax(each))
     nowhere = (float("nan"),) * 3
-    mean = each @ candidates.place
-    spread = np.sqrt(each @ (candidates.place - mean) ** 2)
+    mean = each @ candidates.location
+    spread = np.sqrt(each @ (candidates.location - mean) ** 2)
     lower, middle, upper = _size(tried)
     sized = candidates.size[np.isfinite(candidates.size)]
     return KindOfChange(
@@ -423,7 +423,7 @@ def _kind(at: Situation, tried: _Tried, odds: float, probability: float, misfit:
         local=local,
         place=three(mean) if local else nowhere,
         place_std=three(spread) if local else nowhere,
-        best=three(candidates.place[i]) if local else nowhere,
+        best=three(candidates.location[i]) if local else nowhere,
         quantity=tried.kind.quantity,
         unit=tried.kind.unit,
         size=middle,
@@ -480,12 +480,12 @@ def _map(structure: Structure, used: Sequence[tuple[_Tried, float]]) -> tuple[Ve
     axes = ["xyz".index(name) for name in structure.axes[:2]]
     if not axes:
         return np.zeros(0), np.zeros(0), np.zeros((0, 0))
-    cells, _ = structure.places()
+    cells, _ = structure.locations()
     x, y = (np.unique(np.round(cells[:, axis], 9)) for axis in axes)
     found = np.zeros((x.size, y.size))
     for tried, chance in used:
         i, j = (
-            np.argmin(np.abs(tried.candidates.place[:, [axis]] - line), axis=1)
+            np.argmin(np.abs(tried.candidates.location[:, [axis]] - line), axis=1)
             for axis, line in zip(axes, (x, y), strict=True)
         )
         np.add.at(found, (i, j), chance * tried.share.sum(axis=0))

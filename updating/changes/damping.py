@@ -81,7 +81,7 @@ def _patch(structure: Structure, at: Vector) -> Candidates | None:
 def _dashpot(structure: Structure, at: Vector) -> Candidates:
     points = structure.pulled(at)
     part = Part(rows=points.rows, target="K", weight=points.weight)
-    return plain(points.place, (part,), part=points.part, n_cell=len(at))
+    return plain(points.location, (part,), part=points.part, n_cell=len(at))
 
 
 DAMPING_KINDS = (
@@ -127,10 +127,10 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
         return ()
     shift, ratio = at.damping_shift[known], at.damping[known]
     noise, n = at.damping_noise[known], len(at.reference.tested)
-    place, _ = at.structure.places()
+    location, _ = at.structure.locations()
     found = []
     for kind in DAMPING_KINDS:
-        candidates = None if kind.candidates is None else kind.candidates(at.structure, place)
+        candidates = None if kind.candidates is None else kind.candidates(at.structure, location)
         if candidates is None and kind.candidates is not None:
             continue
         added = np.ones((1, shift.size)) if candidates is None else _added(at, candidates)[:, known] / ratio
@@ -192,10 +192,10 @@ def _kind(
     if kind.local and candidates is not None:
         part = structure.part_name(kind.name, int(candidates.part[int(np.argmax(each))]))
     if local and candidates is not None:
-        centre = each @ candidates.place
+        centre = each @ candidates.location
         mean = three(centre)
-        spread = three(np.sqrt(each @ (candidates.place - centre) ** 2))
-        best = three(candidates.place[int(np.argmax(each))])
+        spread = three(np.sqrt(each @ (candidates.location - centre) ** 2))
+        best = three(candidates.location[int(np.argmax(each))])
     return KindOfChange(
         name=kind.name,
         label=kind.label,

@@ -32,9 +32,9 @@ N_POINT = 2000
 wavelength."""
 N_POINT_STACK = 700
 """The same on a stack, whose laminas need several rows at each."""
-N_PLACE = 220
+N_LOCATION = 220
 """Locations at which a kind is tried on one lamina; on a stack, where most have a height as well, half as many."""
-_NEAR = 0.1  # over the root of the plan's area: mass that lies within belongs to a place
+_NEAR = 0.1  # over the root of the plan's area: mass that lies within belongs to a location
 _ABOUT = np.array([-1.0, 0.0, 1.0])
 _SMALLEST = 0.1  # of the root of the plan's area: half the side of the square over which forces are tried
 _OUTSIDE = 1e-6  # of the plan's size: a grid point that is farther from the outline is none
@@ -121,18 +121,18 @@ class Grid:
         found[self.inside] = np.arange(np.count_nonzero(self.inside))
         return found
 
-    def shares(self, place: Vector) -> tuple[NDArray[np.intp], Vector]:
-        """Return the four points around each place, (n, 4), and their shares, which are 0 beyond the outline.
+    def shares(self, location: Vector) -> tuple[NDArray[np.intp], Vector]:
+        """Return the four points around each location, (n, 4), and their shares, which are 0 beyond the outline.
 
         Parameters
         ----------
-        place : (n, 2)
+        location : (n, 2)
             Places, m.
         """
         index, weight = [], []
         for axis, line in enumerate((self.x, self.y)):
             step = line[1] - line[0]
-            at = (place[:, axis] - line[0]) / step
+            at = (location[:, axis] - line[0]) / step
             low = np.clip(np.floor(at).astype(int), 0, line.size - 2)
             part = np.clip(at - low, 0.0, 1.0)
             beyond = (at < -1e-9) | (at > line.size - 1 + 1e-9)
@@ -156,8 +156,8 @@ def grid_of(system: ReducedSystem) -> Grid:
     x, y = (np.linspace(low, high, max(9, round((high - low) / step) + 1)) for low, high in ((x0, x1), (y0, y1)))
     inside = np.ones((x.size, y.size), dtype=bool)
     if system.stack.outline is not None:
-        place = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-        away = np.linalg.norm(plan.nearest(place) - place, axis=1)
+        location = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        away = np.linalg.norm(plan.nearest(location) - location, axis=1)
         inside = (away < _OUTSIDE * max(x1 - x0, y1 - y0)).reshape(inside.shape)
     return Grid(x=x, y=y, inside=inside)
 
@@ -245,13 +245,13 @@ class Fields:
         """Lowest and highest x, lowest and highest y of the plan, (2, 2) m."""
         return np.asarray(self.system.assembly.plan.bounds, dtype=float)
 
-    def places(self) -> tuple[Vector, Vector]:
+    def locations(self) -> tuple[Vector, Vector]:
         """Return locations over the plan, (n, 2) m, evenly spaced, and their steps along x and y.
 
         The outer ones are half a step from the edges.
         """
         grid = self.grid
-        n = N_PLACE if self.stack.n_lamina == 1 else N_PLACE // 2
+        n = N_LOCATION if self.stack.n_lamina == 1 else N_LOCATION // 2
         sides = [float(np.ptp(line)) for line in (grid.x, grid.y)]
         step = np.sqrt(sides[0] * sides[1] / n)
         lines, steps = [], []
@@ -271,9 +271,9 @@ class Fields:
         low, high = self.box.T
         return np.clip(found, low, high)
 
-    def located(self, place: Vector) -> Vector:
-        """Return places, (n, 3), without their heights."""
-        return place[:, :2]
+    def located(self, location: Vector) -> Vector:
+        """Return locations, (n, 3), without their heights."""
+        return location[:, :2]
 
     def tied(self, at: Vector) -> Tied:
         """Return what a mass moves with: laminas in the mean of their squares."""
@@ -290,8 +290,8 @@ class Fields:
             row = np.broadcast_to(np.arange(len(at))[:, None], which.shape)
             weight = sp.coo_array((share.ravel(), (row.ravel(), which.ravel())), shape=(len(at), len(self.grid.point)))
             self.shared[key] = weight.tocsr()
-        place = np.column_stack([at, np.zeros(len(at))])
-        return Tied(place=place, rows=rows, weight=self.shared[key], part=np.full(len(at), -1, dtype=np.intp))
+        location = np.column_stack([at, np.zeros(len(at))])
+        return Tied(location=location, rows=rows, weight=self.shared[key], part=np.full(len(at), -1, dtype=np.intp))
 
     def matrices(self) -> tuple[Vector, Vector, Vector]:
         """Return the modes in the coordinates of the reduced stack, and its stiffness and mass in these."""
@@ -311,8 +311,8 @@ class Fields:
         stiffness, mass = assembly.matrix("K", self.theta), assembly.matrix("M", self.theta)
         return factor, stiffness, mass, np.asarray(stiffness @ basis), np.asarray(mass @ basis)
 
-    def answers(self, place: Vector, half: float) -> Answers | None:
-        """Return a plate's static answers to forces and moments about a place, at nine points; a stack has none.
+    def answers(self, location: Vector, half: float) -> Answers | None:
+        """Return a plate's static answers to forces and moments about a location, at nine points; a stack has none.
 
         A single plate bends sharply at a point, what is thick does not.
         """
@@ -320,7 +320,7 @@ class Fields:
             return None
         assembly, plan = self.system.assembly, self.system.assembly.plan
         half = max(half, _SMALLEST * float(np.sqrt(self.grid.area.sum())))
-        where, about = assembly.slices(), [value + half * _ABOUT for value in place[:2]]
+        where, about = assembly.slices(), [value + half * _ABOUT for value in location[:2]]
         at = plan.nearest(np.stack(np.meshgrid(*about, indexing="ij"), axis=-1).reshape(-1, 2))
         force = []
         for field in FIELDS:

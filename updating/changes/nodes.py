@@ -16,34 +16,34 @@ from numpy.typing import NDArray
 
 from model.matrices.labelled import DIRECTIONS, rigid_motion
 from model.matrices.readers import Target
-from model.matrices.reduced import Places
+from model.matrices.reduced import ObservedPoints
 from model.matrices.structure import MatrixStructure
 from updating.changes.structure import Answers, Part, StatedTerm, Tied
 from updating.diagnosis.matrices_model import WHOLE, MatricesNear
 
 Vector = NDArray[np.float64]
 
-N_PLACE = 220
+N_LOCATION = 220
 """Nodes at which a kind is tried first; more where there are no more than these."""
 _PART = 1 / 3  # of the distance between these, to which they are then separated
-_NEAR = 0.1  # of the structure's size: mass that lies within belongs to a place
+_NEAR = 0.1  # of the structure's size: mass that lies within belongs to a location
 _THIN = 0.05  # of the largest extent, below which an axis says nothing of a location
 _HOLDS = 1e-6  # of the energy that a rigid motion would cost, were no entry to cancel another
 
 
-def motions(structure: MatrixStructure, places: Places) -> sp.csr_array:
-    """Return what places show of vectors in the rows of a structure, (n, n_row)."""
-    n, k = places.node.shape
+def motions(structure: MatrixStructure, locations: ObservedPoints) -> sp.csr_array:
+    """Return what locations show of vectors in the rows of a structure, (n, n_row)."""
+    n, k = locations.node.shape
     order = np.lexsort((structure.dof, structure.node))
     label = structure.node[order].astype(np.int64) * 8 + structure.dof[order]
     row, column, share = [], [], []
     for axis in range(3):
-        wanted = places.node.astype(np.int64) * 8 + axis + 1
+        wanted = locations.node.astype(np.int64) * 8 + axis + 1
         at = np.minimum(np.searchsorted(label, wanted), label.size - 1)
         there = label[at] == wanted
         row.append(np.broadcast_to(np.arange(n)[:, None], (n, k))[there])
         column.append(order[at[there]])
-        share.append((places.weight * places.direction[:, [axis]])[there])
+        share.append((locations.weight * locations.direction[:, [axis]])[there])
     entries = np.concatenate(share), (np.concatenate(row), np.concatenate(column))
     return sp.csr_array(sp.coo_array(entries, shape=(n, structure.node.size)))
 
@@ -79,7 +79,7 @@ class Nodes:
         moving = np.flatnonzero(self.whole.dof <= 3)
         number, first = np.unique(self.whole.node[moving], return_index=True)
         location, alone = np.unique(self.whole.location[moving[first]], axis=0, return_index=True)
-        order = np.argsort(alone)  # of nodes that lie upon each other one is a place
+        order = np.argsort(alone)  # of nodes that lie upon each other one is a location
         self.number, self.location = number[alone[order]], location[order]
         self._row = np.full((self.number.size, 3), -1, dtype=np.intp)
         at = np.minimum(np.searchsorted(self.number, self.whole.node[moving]), self.number.size - 1)
@@ -126,7 +126,7 @@ class Nodes:
         """Largest mass that may go at one location, kg: of what lies near."""
         extent = np.sort(np.ptp(self.location, axis=0))[:0:-1]
         size = float(np.sqrt(extent[0] * extent[1])) or float(extent[0])
-        near = scipy.spatial.KDTree(self.location).query_ball_point(self.places()[0], _NEAR * size)
+        near = scipy.spatial.KDTree(self.location).query_ball_point(self.locations()[0], _NEAR * size)
         return float(min(max(self._weight[indices].sum() for indices in near), 0.5 * self.mass))
 
     @cached_property
@@ -150,41 +150,41 @@ class Nodes:
     def _cells(self) -> tuple[Vector, NDArray[np.intp]]:
         """Side of cells that hold all nodes, one node in the middle of each, and which."""
         n = self.number.size
-        if n <= N_PLACE:
+        if n <= N_LOCATION:
             return np.zeros(3), np.arange(n, dtype=np.intp)
         low, high = 0.0, float(np.ptp(self.location, axis=0).max())
         for _ in range(40):
             side = (low + high) / 2.0
-            low, high = (side, high) if self._middles(np.arange(n), side).size > N_PLACE else (low, side)
+            low, high = (side, high) if self._middles(np.arange(n), side).size > N_LOCATION else (low, side)
         return np.full(3, high), self._middles(np.arange(n), high)
 
     def _middles(self, node: NDArray[np.intp], side: float) -> NDArray[np.intp]:
         """Return of nodes those that are nearest to the mean of all that share a cube of some side."""
-        place = self.location[node]
-        cube = np.floor((place - self.location.min(axis=0)) / side + 1e-9).astype(np.int64)
+        location = self.location[node]
+        cube = np.floor((location - self.location.min(axis=0)) / side + 1e-9).astype(np.int64)
         _, cell = np.unique(cube, axis=0, return_inverse=True)
         cell, count = cell.ravel(), np.bincount(cell.ravel())
-        mean = np.column_stack([np.bincount(cell, along) / count for along in place.T])
-        away = np.linalg.norm(place - mean[cell], axis=1)
+        mean = np.column_stack([np.bincount(cell, along) / count for along in location.T])
+        away = np.linalg.norm(location - mean[cell], axis=1)
         order = np.lexsort((away, cell))
         return node[order[np.unique(cell[order], return_index=True)[1]]]
 
-    def places(self) -> tuple[Vector, Vector]:
+    def locations(self) -> tuple[Vector, Vector]:
         """Return locations of nodes, evenly spaced, (n, 3) m, and the sides of the cells that they stand for."""
         side, node = self._cells
         return self.location[node], side
 
     def finer(self, centre: Vector, step: Vector) -> Vector:
         """Return locations of nodes, closer to each other, of those to which one of some is the nearest."""
-        every, _ = self.places()
+        every, _ = self.locations()
         chosen = scipy.spatial.KDTree(every).query(centre)[1]
         within = np.isin(scipy.spatial.KDTree(every).query(self.location)[1], chosen)
         node = np.flatnonzero(within)
         return self.location[node if not step.any() else self._middles(node, _PART * float(step.max()))]
 
-    def located(self, place: Vector) -> Vector:
-        """Return places, (n, 3), as they are."""
-        return place
+    def located(self, location: Vector) -> Vector:
+        """Return locations, (n, 3), as they are."""
+        return location
 
     def _rows(self, at: Vector) -> tuple[NDArray[np.intp], Vector]:
         """Return the nodes at locations, (n,), and their motions along x, y and z, (n, 3, m)."""
@@ -195,13 +195,13 @@ class Nodes:
     def tied(self, at: Vector) -> Tied:
         """Return what a mass moves with: a node, in all ways."""
         node, rows = self._rows(at)
-        return Tied(place=self.location[node], rows=rows, weight=sp.identity(len(at), format="csr"), part=node)
+        return Tied(location=self.location[node], rows=rows, weight=sp.identity(len(at), format="csr"), part=node)
 
     def pulled(self, at: Vector) -> Tied:
         """Return what a spring along x, y or z pulls at; numbers of nodes go on for each direction."""
         node, rows = self._rows(at)
         return Tied(
-            place=np.tile(self.location[node], (3, 1)),
+            location=np.tile(self.location[node], (3, 1)),
             rows=rows.transpose(1, 0, 2).reshape(3 * len(at), 1, -1),
             weight=sp.identity(3 * len(at), format="csr"),
             part=np.concatenate([node + self.number.size * (i + 1) for i in range(3)]),
@@ -225,9 +225,9 @@ class Nodes:
         _, _, found = self.near.solved(self.x)
         return self.shape, found["K"], found["M"]
 
-    def answers(self, place: Vector, half: float) -> Answers:  # noqa: ARG002
-        """Return static answers to forces on the node at a place."""
-        (node,), _ = self._rows(place[None])
+    def answers(self, location: Vector, half: float) -> Answers:  # noqa: ARG002
+        """Return static answers to forces on the node at a location."""
+        (node,), _ = self._rows(location[None])
         row = self._row[node][self._row[node] >= 0]
         force = np.zeros((self.whole.node.size, row.size))
         force[row, np.arange(row.size)] = 1.0

@@ -194,7 +194,7 @@ class MatricesReference:
         return Beside(
             states=model.states,
             modals=modals,
-            sensors=tuple(motions(self.matrices, places) for places in model.places),
+            sensors=tuple(motions(self.matrices, observed) for observed in model.observed),
             structure=lambda band: Nodes(local, self.fit.x, shape, band),
         )
 

@@ -78,7 +78,7 @@ class Condensed:
         m, steps, opened, adding = self.structure.n_mode, list[_Mode](), None, structure
         if kind.opened is not None:  # mass that goes with it moves with the modes
             opened, adding = kind.opened(structure, candidates.only(np.array([i]))), self.structure
-        there = kind.candidates(adding, structure.located(candidates.place[i, None]))
+        there = kind.candidates(adding, structure.located(candidates.location[i, None]))
         (j,) = np.flatnonzero(there.form == candidates.form[i])
         chosen = there.only(np.array([j])).parts
         parts = _matrices([part for part in chosen if opened is None or part.target == "M"])
@@ -124,12 +124,12 @@ class Condensed:
         That is nothing where only the reduced basis answers, as of a thick stack: coordinates of modes that sensors
         hardly see would take it up.
         """
-        place, size = candidates.place[i], float(candidates.size[i])
+        location, size = candidates.location[i], float(candidates.size[i])
         half = size if np.isfinite(size) else 0.0
         half = half if kind.on_plan else half / 2.0  # parts of edges have a length, patches a radius
-        key = (*np.round(place, 4).tolist(), round(half, 4)) if kind.local else ()
+        key = (*np.round(location, 4).tolist(), round(half, 4)) if kind.local else ()
         if key not in self._kept:
-            answers = self.structure.answers(place, half) if kind.local else None
+            answers = self.structure.answers(location, half) if kind.local else None
             if answers is None and key:
                 return self._around(replace(kind, local=False), candidates, i)
             self._kept[key] = self._beside(answers)

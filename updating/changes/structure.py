@@ -54,17 +54,17 @@ class Tied:
 
     Attributes
     ----------
-    place : (n, 3) float
+    location : (n, 3) float
         Where, m.
     rows : (n_point, R, m) float
         Rows of the modes, whose squares sum to that of the motion.
     weight : (n, n_point) sparse
-        Which of them each place has.
+        Which of them each location has.
     part : (n,) int
         Number by which the structure names each; -1 where it has no name for it.
     """
 
-    place: Vector
+    location: Vector
     rows: Vector
     weight: Any
     part: NDArray[np.intp]
@@ -91,7 +91,7 @@ class StatedTerm:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Answers:
-    """Static answers of a structure to forces about a place, beside its reduced coordinates.
+    """Static answers of a structure to forces about a location, beside its reduced coordinates.
 
     Attributes
     ----------
@@ -147,14 +147,14 @@ class Structure(Protocol):
     def stiffest(self) -> float:
         """Stiffness of a spring beyond which it is no spring, N/m."""
 
-    def places(self) -> tuple[Vector, Vector]:
+    def locations(self) -> tuple[Vector, Vector]:
         """Return locations, evenly spaced, (n, 2) over a plan or (n, 3), m, and their steps along the axes."""
 
     def finer(self, centre: Vector, step: Vector) -> Vector:
         """Return locations within the cell about each of some, more closely; none is off the structure."""
 
-    def located(self, place: Vector) -> Vector:
-        """Return places of candidates, (n, 3), as `places` has them."""
+    def located(self, location: Vector) -> Vector:
+        """Return locations of candidates, (n, 3), as `locations` has them."""
 
     def tied(self, at: Vector) -> Tied:
         """Return what a mass moves with at locations."""
@@ -171,8 +171,8 @@ class Structure(Protocol):
     def matrices(self) -> tuple[Vector, Vector, Vector]:
         """Return the modes in the coordinates of the reduced structure, and its stiffness and mass in these."""
 
-    def answers(self, place: Vector, half: float) -> Answers | None:
-        """Return answers to forces within a distance of a place, None where the structure is taken as reduced."""
+    def answers(self, location: Vector, half: float) -> Answers | None:
+        """Return answers to forces within a distance of a location, None where the structure is taken as reduced."""
 
     def beside(self, coordinates: Vector, answers: Vector | None) -> Structure:
         """Return it with more vectors after its modes: combinations (n_basis, k) of its coordinates, plus others."""

@@ -35,7 +35,7 @@ from model.reduction.riding import RidingPart
 from model.stack.inputs import CompressionCurve
 from model.stack.outline import Outline, Triangulation
 from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, Material, PatchSupport, Pressing
-from updating.diagnosis.candidates import CandidateModel, candidate_model, clamp_places
+from updating.diagnosis.candidates import CandidateModel, candidate_model, clamp_locations
 from updating.errors import StoreError
 from updating.results.store import digest, versions
 
@@ -331,7 +331,7 @@ def _file(
     made_by = {**versions(), "scikit-fem": version("scikit-fem"), "python": platform.python_version()}
     base = replace(stack, instruments=instruments)
     what = digest({"stack": base, "effects": [*effects, *(aid.name for aid in aids)]})
-    special = _special((*stack.effects, *effects.values(), *aids, *clamp_places(base)))
+    special = _special((*stack.effects, *effects.values(), *aids, *clamp_locations(base)))
     return (folder() / f"model_{what}.arrays", {"versions": made_by, "stack": stack.name, "digest": what}, special)
 
 

@@ -44,7 +44,7 @@ _AT = np.array([-0.016, -0.005, 0.005, 0.016])  # m, where means are taken for t
 _DEGREE = (3, 2)  # of those along x and y: a parabola is right to 2 % of frequencies at 20 mm, a cubic to 0.1 %
 
 
-def clamp_places(stack: Stack) -> tuple[Effect, ...]:
+def clamp_locations(stack: Stack) -> tuple[Effect, ...]:
     """Return for each clamp of a stack what it does to the equations of motion that it sits farther along x or y.
 
     Its mass is taken from where the file has it and put where it is. What it moves with is the mean displacement under
@@ -62,20 +62,20 @@ def _name(i: int, axis: int) -> str:
 def _powers(assembly: Assembly, field: Field, clamp: Clamp) -> dict[tuple[int, int], sp.csr_matrix]:
     """Return the rows whose sum, each times powers of the distances along x and y, takes the mean under a clamp.
 
-    Along each axis it is the polynomial through the mean here that comes nearest to those at some other places, the
+    Along each axis it is the polynomial through the mean here that comes nearest to those at some other locations, the
     nearer the better. Off the stack a clamp has no place, and moves with the edge: shapes that are continued beyond it
-    turn millimetres into an inertia that no clamp has. Near an edge, where that is a kink, all places count.
+    turn millimetres into an inertia that no clamp has. Near an edge, where that is a kink, all locations count.
     """
 
     def mean_at(x: float, y: float) -> sp.csr_matrix:
         return mean_over(assembly, field, (x, y), clamp.footprint)
 
     rows = {(0, 0): mean_at(clamp.x, clamp.y)}
-    for along, place, size, degree in (
+    for along, location, size, degree in (
         ((1, 0), clamp.x, assembly.stack.length, _DEGREE[0]),
         ((0, 1), clamp.y, assembly.stack.width, _DEGREE[1]),
     ):
-        within = np.clip(_AT, -size / 2.0 - place, size / 2.0 - place)
+        within = np.clip(_AT, -size / 2.0 - location, size / 2.0 - location)
         changes = [mean_at(clamp.x + d * along[0], clamp.y + d * along[1]) - rows[0, 0] for d in within.tolist()]
         powers = np.arange(1, degree + 1)
         weight = np.abs(_AT) ** (-4.0 if np.all(within == _AT) else -1.0)
@@ -154,7 +154,7 @@ class CandidateModel:
         The stack without effects with one dimension changed, in the basis of `system`.
     finer : ReducedSystem, optional
         The stack without effects on a finer mesh; none where an outline decides the mesh.
-    places : tuple of str
+    clamp_locations : tuple of str
         Parameters of `system` that say how far parts of the rig are from where the files have them, m.
     """
 
@@ -164,7 +164,7 @@ class CandidateModel:
     impossible: Mapping[str, str]
     resized: Mapping[str, ReducedEquations]
     finer: ReducedSystem | None
-    places: tuple[str, ...]
+    clamp_locations: tuple[str, ...]
 
 
 def candidate_model(
@@ -200,7 +200,7 @@ def candidate_model(
         else:
             impossible[name] = reason
     finer = distribute(_plain, _finer(base), executor)  # begins at once where there is an executor
-    placed = clamp_places(base)
+    placed = clamp_locations(base)
     system = reduce(
         base.with_effects(*possible.values(), *aids, *placed),
         G_f_range=G_F_RANGE,
@@ -215,7 +215,7 @@ def candidate_model(
         impossible=impossible,
         resized=_resized(base, system),
         finer=next(finer, None),
-        places=tuple(effect.name for effect in placed),
+        clamp_locations=tuple(effect.name for effect in placed),
     )
 
 
@@ -296,14 +296,14 @@ def _plain(stack: Stack) -> ReducedSystem:
 
 def instruments_of(modes: ModalModel) -> Instruments:
     """Return where the instruments of a test touched the stack; the sensors' points are known to be listed."""
-    place = {int(n): i for i, n in enumerate(modes.geometry.node)}
-    if int(modes.input.node[0]) not in place:
+    row = {int(n): i for i, n in enumerate(modes.geometry.node)}
+    if int(modes.input.node[0]) not in row:
         raise PairingError(
             f"{modes.name}: point {int(modes.input.node[0])} of the force has no coordinates, which a diagnosis needs "
             "to place what hangs on the shaker. Add it to the points file."
         )
-    x, y, z = modes.geometry.coordinate[place[int(modes.input.node[0])]]
-    sensor = modes.geometry.coordinate[[place[int(n)] for n in modes.node]]
+    x, y, z = modes.geometry.coordinate[row[int(modes.input.node[0])]]
+    sensor = modes.geometry.coordinate[[row[int(n)] for n in modes.node]]
     return Instruments(shaker=(float(x), float(y), float(z)), sensor=sensor)
 
 

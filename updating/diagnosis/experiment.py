@@ -32,13 +32,13 @@ _MOVE = 0.05
 _FREQUENCY_STD, _DAMPING_STD, _SHAPE_STD = 2e-4, 0.01, 0.01
 
 
-def _known_mass(name: str, place: tuple[float, float], what: str) -> Effect:
-    """Return a mass fixed at a place of the plan, given in shares of half length and half width."""
+def _known_mass(name: str, location: tuple[float, float], what: str) -> Effect:
+    """Return a mass fixed at a location on the plan, given in shares of half length and half width."""
 
     def terms(assembly: Assembly) -> tuple[Term, ...]:
         stack = assembly.stack
-        x = place[0] * (stack.length - _PAD[0]) / 2.0
-        y = place[1] * (stack.width - _PAD[1]) / 2.0
+        x = location[0] * (stack.length - _PAD[0]) / 2.0
+        y = location[1] * (stack.width - _PAD[1]) / 2.0
         krons = tuple(square(f, mean_over(assembly, f, (x, y), _PAD), every_lamina(stack)) for f in FIELDS)
         return (Term(name=name, target="M", factor=Monomial(exponent={name: 1}), krons=krons),)
 

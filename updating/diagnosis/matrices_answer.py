@@ -121,8 +121,8 @@ def fit_matrices(
             f"{threshold:g}; the largest is {pairing.mac.max():.2f}. Check point numbers, places, directions and signs"
         )
     first = pair(measured, before, threshold=0.0)
-    place = {int(r): int(s) for r, s in zip(first.measured, first.model, strict=True)}
-    column = [place[int(r)] for r in pairing.measured]
+    paired = {int(r): int(s) for r, s in zip(first.measured, first.model, strict=True)}
+    column = [paired[int(r)] for r in pairing.measured]
     return MatricesFit(
         name=measured.name,
         modes=modes,
@@ -149,7 +149,7 @@ def _shown(model: MatricesModel, explanation: Explanation, state: int, threshold
         name=tested.name,
         modes=modes,
         pairing=pairing,
-        distance=model.places[state].distance,
+        distance=model.observed[state].distance,
         error=frequency_error(frequency, modes.frequency[pairing.model]) if frequency.size else float("nan"),
     )
 

@@ -1,4 +1,4 @@
-"""What a structure of matrices may lack: masses and springs at places, instruments, and terms that are nothing yet."""
+"""What a structure of matrices may lack: local masses and springs, instruments, and terms that are nothing yet."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def candidates_of(
     Parameters
     ----------
     structure : MatrixStructure
-        Its points and patches are places; its terms that are nominally 0 may be missing, too.
+        Its points and patches are locations; its terms that are nominally 0 may be missing, too.
     sensors : callable
         Returns the rows of all measured points along x, y and z, (n, size).
     n_sensor : int
@@ -47,19 +47,19 @@ def candidates_of(
         Lowest measured frequency: of springs those are usual that move it.
     """
     most_sensors = 0.1  # largest mass of all sensors together, of the structure's
-    mass = 0.3  # largest mass at a place, of the structure's: more is another structure
+    mass = 0.3  # largest mass at one location, of the structure's: more is another structure
     every = structure.matrix("M", structure.theta)
     weight = [float(every[rows][:, rows].sum()) for rows in (structure.dof == i for i in (1, 2, 3))]
     total = max(weight)
     soft, stiff = (total * (2.0 * np.pi * f) ** 2 for f in (lowest_Hz, structure.band_Hz))
-    places: dict[str, tuple[str, Index]] = {}
+    nodes_at: dict[str, tuple[str, Index]] = {}
     for name in structure.points:
         for node in structure.groups[name]:
-            places[f"node_{node}"] = f"node {node}", np.array([node])
+            nodes_at[f"node_{node}"] = f"node {node}", np.array([node])
     for name in structure.patches:
-        places[name] = "the point of the force" if name == DRIVE else name, structure.groups[name]
+        nodes_at[name] = "the point of the force" if name == DRIVE else name, structure.groups[name]
     found: dict[str, Candidate] = {}
-    for name, (label, node) in places.items():
+    for name, (label, node) in nodes_at.items():
         known = np.intersect1d(node, structure.node)
         if not known.size:
             continue

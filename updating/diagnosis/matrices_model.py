@@ -15,7 +15,7 @@ from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel
 from model import Effect, MatricesError, MatrixStructure, Parameter, ReducedMatrices, reduce_matrices
 from model.matrices.readers import Target
-from model.matrices.reduced import Places, places_on
+from model.matrices.reduced import ObservedPoints, points_on
 from updating.diagnosis.answer import Moved
 from updating.diagnosis.evidence import (
     DECAY,
@@ -84,7 +84,7 @@ class MatricesModel:
         every = [cast("ModalModel", one.modes) for one in tested]
         top = max(float(modes.frequency.max()) for modes in every)
         self.structure = _with_drive(replace(structure, band_Hz=max(structure.band_Hz, above * top)), every[0])
-        self.places = tuple(_placed(self.structure, modes.geometry, modes.node, modes.direction) for modes in every)
+        self.observed = tuple(_placed(self.structure, modes.geometry, modes.node, modes.direction) for modes in every)
         self.damped = any(term.target == "C" for term in self.structure.terms)
         self.states = tuple(state_of(test, touching=self.damped) for test in self.tested)
         lowest = min(float(state.frequency.min()) for state in self.states)
@@ -151,7 +151,7 @@ class MatricesModel:
             else:
                 found.append(_known(name, known[name], known[name]))
         found += [_known(f"gain[sensor {i + 2}]", s.gain, 0.01) for i in range(self.n_gain)]
-        if any(np.any(points.slope) for points in self.places) and np.ptp(self.structure.location[:, 0]) > 0.0:
+        if any(np.any(points.slope) for points in self.observed) and np.ptp(self.structure.location[:, 0]) > 0.0:
             found.append(_known(POINTS_SHIFT, s.points_shift, 1e-3))
         if self.damped:
             found.append(_known(DECAY, 1e-3, 1e-3))
@@ -194,7 +194,7 @@ class MatricesModel:
         return {n: e.label for n, e in self.effects.items()} | {n: every[n] for n in self.hypotheses}
 
     def unit(self, nuisance: str) -> str:
-        """Return the unit of a nuisance: m of places, 1/s of a decay, 1 of a factor."""
+        """Return the unit of a nuisance: m of locations, 1/s of a decay, 1 of a factor."""
         return "m" if nuisance == POINTS_SHIFT else "1/s" if nuisance == DECAY else "1"
 
     def _linear(self, name: str) -> bool:
@@ -252,11 +252,11 @@ class MatricesModel:
         """Tell whether the basis is exact enough at some factors, or hardly elsewhere, where that is known."""
         close = 0.02  # of each factor, within which the error is that of a known point: it grows with the cube
         exact = 1e-4  # relative error of a frequency from which the structure is reduced anew
-        place = np.array([at.get(one.name, one.nominal) for one in self.structure.factors])
-        if not any(np.all(np.abs(place - known) <= close * np.abs(known)) for known in self._known_to_hold):
+        factors = np.array([at.get(one.name, one.nominal) for one in self.structure.factors])
+        if not any(np.all(np.abs(factors - known) <= close * np.abs(known)) for known in self._known_to_hold):
             if self.reduced.error(at) > exact:
                 return False
-            self._known_to_hold.append(place)
+            self._known_to_hold.append(factors)
         return True
 
     def parts(self) -> list[tuple[Target, str, Vector]]:
@@ -286,7 +286,9 @@ def _known(name: str, std: float, step: float) -> Coordinate:
     return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=step)
 
 
-def _placed(structure: MatrixStructure, geometry: Geometry, node: NDArray[np.int64], direction: Vector) -> Places:
+def _placed(
+    structure: MatrixStructure, geometry: Geometry, node: NDArray[np.int64], direction: Vector
+) -> ObservedPoints:
     """Place measured components on a structure.
 
     Raises
@@ -300,12 +302,12 @@ def _placed(structure: MatrixStructure, geometry: Geometry, node: NDArray[np.int
         raise PairingError(f"points {unknown} were measured but have no coordinates; add them to the points file")
     location = geometry.coordinate[[row[int(n)] for n in node]]
     try:
-        return places_on(structure, node, location, direction)
+        return points_on(structure, node, location, direction)
     except MatricesError as error:
         raise PairingError(str(error)) from error
 
 
-def _every_way(structure: MatrixStructure, modes: ModalModel) -> Places:
+def _every_way(structure: MatrixStructure, modes: ModalModel) -> ObservedPoints:
     """Return the measured points, each along x, y and z."""
     node = np.unique(modes.node)
     return _placed(structure, modes.geometry, np.repeat(node, 3), np.tile(np.eye(3), (node.size, 1)))
@@ -340,7 +342,7 @@ class MatricesNear:
         kept = value > 1e-12 * value[-1]
         self.basis = vector[:, kept] / np.sqrt(value[kept])  # in which the nominal mass is the identity
         self.n_equation = min(whole.n_equation, self.basis.shape[1])
-        self.rows = [points.rows(self.reduced) for points in whole.places]
+        self.rows = [points.rows(self.reduced) for points in whole.observed]
         acting = [(t, n, m) for t, n, m in whole.parts() if n in self.at or n in whole.factors]
         self.acting = {
             target: (

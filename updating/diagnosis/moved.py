@@ -78,7 +78,7 @@ def _stated(stack: Stack, name: str) -> tuple[str, str, float, bool]:
     where, clamp = where.rstrip("]"), _CLAMP.fullmatch(name)
     if clamp:
         clamp_stated = stack.clamps[int(clamp[1]) - 1]
-        return (f"place of clamp {clamp[1]} along {clamp[2]}", "m", float(getattr(clamp_stated, clamp[2])), False)
+        return (f"location of clamp {clamp[1]} along {clamp[2]}", "m", float(getattr(clamp_stated, clamp[2])), False)
     if what in (POINTS_SHIFT, DECAY):
         return _LABELS[what], "m" if what == POINTS_SHIFT else "1/s", 0.0, False
     if what == "gain":

@@ -44,8 +44,8 @@ def point_change(model: StackModel, search: Search, explanation: Explanation) ->
     local, size = model.about(explanation.coordinates, [explanation.x]), explanation.x.size
     columns: dict[Kind, list[Vector]] = {"mass": [], "spring": []}
     for c, errors in enumerate(explanation.errors):
-        modal, place = (local.modal(explanation.x, c), {p: i for i, p in enumerate(_points(model.observation[c]))})
-        rows = np.array([modal.rows[place[p]] if p in place else np.zeros(modal.eigenvalue.size) for p in point])
+        modal, row = (local.modal(explanation.x, c), {p: i for i, p in enumerate(_points(model.observation[c]))})
+        rows = np.array([modal.rows[row[p]] if p in row else np.zeros(modal.eigenvalue.size) for p in point])
         omega = np.sqrt(np.where(modal.eigenvalue > 0.0, modal.eigenvalue, np.nan))
         scale = np.sqrt(errors.eigenvalue)[:, None] * np.where(
             np.isfinite(omega), omega, np.sqrt(errors.eigenvalue)[:, None]

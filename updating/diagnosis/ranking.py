@@ -41,7 +41,7 @@ class Explained(Model, Protocol):
         """Plain name of each effect and hypothesis."""
 
     def unit(self, nuisance: str) -> str:
-        """Return the unit of a nuisance: m of places, 1/s of a decay, 1 where it is the logarithm of a ratio."""
+        """Return the unit of a nuisance: m of locations, 1/s of a decay, 1 where it is the logarithm of a ratio."""
 
     def moved(self, explanation: Explanation) -> tuple[Moved, ...]:
         """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""
@@ -185,7 +185,7 @@ def estimates(model: Explained, explanation: Explanation) -> list[ParameterEstim
 
 
 def _misstated(model: Explained, explanation: Explanation) -> list[ParameterEstimate]:
-    """Return what hypotheses about the measurement say: factors on what was stated, places in m, or a decay in 1/s."""
+    """Return what hypotheses about the measurement say: factors on what was stated, locations in m, decays in 1/s."""
     rows = []
     names = [c.name for c in explanation.coordinates]
     for nuisance in (n for term in explanation.terms for n in model.hypotheses.get(term, ())):

@@ -154,8 +154,8 @@ def signature_figure(effect_signature: Signature) -> Figure:
     }
     for axes, (label, change) in zip(figure.subplots(1, 2), drawn.items(), strict=True):
         for i, (pressure, values) in enumerate(zip(effect_signature.pressure, change, strict=True)):
-            place = np.arange(len(effect_signature.mode)) + (i - (effect_signature.pressure.size - 1) / 2.0) * width
-            axes.bar(place, values, width, label=f"{pressure / 1e3:g} kPa", color=("0.35", "#b3341f")[i % 2])
+            at = np.arange(len(effect_signature.mode)) + (i - (effect_signature.pressure.size - 1) / 2.0) * width
+            axes.bar(at, values, width, label=f"{pressure / 1e3:g} kPa", color=("0.35", "#b3341f")[i % 2])
         axes.axhline(0.0, color="black", linewidth=0.6)
         axes.set_xticks(range(len(effect_signature.mode)), effect_signature.mode)
         axes.set_title(f"change of {label}", fontsize=9)

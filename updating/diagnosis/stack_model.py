@@ -38,7 +38,7 @@ from updating.diagnosis.evidence import (
 )
 from updating.diagnosis.fit_settings import FitSettings, scaled
 from updating.diagnosis.moved import moved
-from updating.diagnosis.sensor_place import place_slopes
+from updating.diagnosis.sensor_locations import location_slopes
 from updating.diagnosis.slipping import slip_effect
 from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear
 from updating.diagnosis.stack_screen import ENERGIES
@@ -119,7 +119,7 @@ class StackModel:
         self.rigid = min(RIGID, (2.0 * np.pi * _BELOW * lowest) ** 2)
         self.n_gain = n_gain([measured.sensor for measured in self.measured])
         self.dimensions = tuple(candidates.resized)
-        self.places = candidates.places
+        self.clamp_locations = candidates.clamp_locations
         everywhere = {**self.equations.theta, OMEGA: 2.0 * np.pi * _MIDDLE}
         self._names = [frozenset(t.factor.names(generic(everywhere, everywhere))) for t in self.equations.terms]
         self._top = (2.0 * np.pi * above * max(float(state.frequency.max()) for state in self.states)) ** 2
@@ -133,7 +133,7 @@ class StackModel:
         """Return the rows of measured points, (n_dof, n_basis), and how they change as all move along x."""
         if points not in self._seen:
             rows = observe(self.candidates.system, points).reduced_rows
-            self._seen[points] = rows, place_slopes(self.candidates.system, points)[:, 0]
+            self._seen[points] = rows, location_slopes(self.candidates.system, points)[:, 0]
         return self._seen[points]
 
     def of_tests(self, tested: Sequence[Tested], observation: Sequence[Observation]) -> StackModel:
@@ -222,7 +222,7 @@ class StackModel:
         coordinates += [known("young", s.young, 0.02), known("density", s.density, 0.01)]
         if self.touching:
             coordinates.append(known("normal_modulus", s.normal_modulus, 0.3))
-        coordinates += [known(name, s.clamp_place, 3e-3) for name in self.places]
+        coordinates += [known(name, s.clamp_place, 3e-3) for name in self.clamp_locations]
         coordinates += [known(name, getattr(s, name), 2e-3) for name in self.dimensions]
         coordinates += [known(f"gain[sensor {i + 2}]", s.gain, 0.01) for i in range(self.n_gain)]
         coordinates.append(known(POINTS_SHIFT, s.points_shift, 1e-3))
@@ -271,8 +271,8 @@ class StackModel:
         return of_effects | {name: LABELS[name] for name in self.hypotheses}
 
     def unit(self, nuisance: str) -> str:
-        """Return the unit of a nuisance: m of places, 1/s of a decay, 1 where it is the logarithm of a ratio."""
-        return "m" if nuisance in (*self.places, POINTS_SHIFT) else "1/s" if nuisance == DECAY else "1"
+        """Return the unit of a nuisance: m of locations, 1/s of a decay, 1 where it is the logarithm of a ratio."""
+        return "m" if nuisance in (*self.clamp_locations, POINTS_SHIFT) else "1/s" if nuisance == DECAY else "1"
 
     def moved(self, explanation: Explanation) -> tuple[Moved, ...]:
         """Return every quantity that all fits may move, as stated and as an explanation was fitted with it."""
@@ -296,7 +296,7 @@ class StackModel:
             theta[name] = float(np.exp(at.get(name, 0.0)))
         for name in ("G_f", "d_f", *RATIOS):
             slope[name] = theta[name]
-        for name in self.places:
+        for name in self.clamp_locations:
             theta[name], slope[name] = at.get(name, 0.0), 1.0
         slips = () if self.slip is None else [p.name for p in self.slip.parameters]  # at each mode's strain
         known = self.parameters

@@ -42,7 +42,7 @@ class _Part:
 class StackNear:
     """A stack's equations on few coordinates about some points: modes there, and their static responses.
 
-    What a fit moves far, such as contact and effects, acts by its exact factor; places and dimensions, which move by
+    What a fit moves far, such as contact and effects, acts by its exact factor; locations and dimensions, which move by
     millimetres, act linearly about the first point.
 
     Parameters
@@ -63,7 +63,7 @@ class StackNear:
         known = whole.parameters
         slips = () if whole.slip is None else [p.name for p in whole.slip.parameters]
         self.far = [n for n in self.names if n in ("G_f", "d_f", *RATIOS) or (n in known and n not in slips)]
-        self.near = [n for n in self.names if n in whole.places]
+        self.near = [n for n in self.names if n in whole.clamp_locations]
         self.sized = [n for n in self.names if n in whole.dimensions]
         self.moving = frozenset(self.far)
         moving = frozenset((*self.far, *self.near, OMEGA))
@@ -213,7 +213,7 @@ class StackNear:
     def _parts(
         self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
     ) -> None:
-        """Project the terms: exact ones with their factor, places and dimensions as derivatives at the first point."""
+        """Project the terms: exact ones with factors, locations and dimensions as derivatives at the first point."""
         projected: dict[int, Vector] = {}
         ranges: dict[int, Vector] = {}  # which many matrices share
 
@@ -415,7 +415,7 @@ class StackNear:
         return StackScreen(self, x, state)
 
     def _matrices(self, at: Mapping[str, float], theta: Mapping[str, float], state: int) -> dict[str, Vector]:
-        """Return K, M and C of a state; dimensions act from the nominal ones, places from those of the first point."""
+        """Return K, M and C of a state: dimensions from the nominal ones, locations from those of the first point."""
         moved = np.array([*(at[n] - self.first[n] for n in self.near), *(at[n] for n in self.sized)])
         matrices = {}
         for target in "KMC":

@@ -54,7 +54,7 @@ class Whole(Protocol):
     equations: ReducedEquations
     candidates: CandidateModel
     measured: tuple[StackState, ...]
-    places: tuple[str, ...]
+    clamp_locations: tuple[str, ...]
     dimensions: tuple[str, ...]
     n_gain: int
     n_equation: int

@@ -283,7 +283,7 @@ def estimate_of(model: SpecimensModel, fit: Explanation, name: str) -> Parameter
     if local in model.parameters:
         p = model.parameters[local]
         values, unit = [scaled(p, float(z))[0] for z in ends], p.unit
-    elif local in (*model.first.places, POINTS_SHIFT):
+    elif local in (*model.first.clamp_locations, POINTS_SHIFT):
         values, unit = ends.tolist(), "m"
     elif local == DECAY:
         values, unit = ends.tolist(), "1/s"

@@ -265,7 +265,7 @@ def kept_reduction(results: Results) -> CandidateModel | None:
 def _moved(ranked: Ranked, kept: CandidateModel) -> dict[str, float]:
     """Return steel, and places of the rig, as an explanation has them; sizes are in its frequencies alone."""
     ratios = {name: float(np.exp(ranked.nuisance.get(name, 0.0))) for name in RATIOS}
-    return {**ratios, **{name: ranked.nuisance.get(name, 0.0) for name in kept.places}}
+    return {**ratios, **{name: ranked.nuisance.get(name, 0.0) for name in kept.clamp_locations}}
 
 
 def explained_values(stack: Stack) -> dict[str, float]:

@@ -16,7 +16,7 @@ def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses on springs, up to half of what is there: across laminas, or along each axis."""
     points = structure.pulled(at)
     tuned = np.geomspace(0.5 * structure.band[0], 2.0 * structure.band[1], N_TUNED)
-    n = len(points.place)
+    n = len(points.location)
     part = Part(
         rows=points.rows,
         target="M",
@@ -24,7 +24,7 @@ def candidates(structure: Structure, at: Vector) -> Candidates:
         resonance=(2.0 * np.pi * np.repeat(tuned, n)) ** 2,
     )
     return plain(
-        np.tile(points.place, (N_TUNED, 1)),
+        np.tile(points.location, (N_TUNED, 1)),
         (part,),
         part=np.tile(points.part, N_TUNED),
         n_cell=len(at),

@@ -10,7 +10,7 @@ def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses at points, up to half of what is there."""
     points = structure.tied(at)
     part = Part(rows=points.rows, target="M", weight=points.weight)
-    return plain(points.place, (part,), part=points.part, n_cell=len(at), upper=0.5 * structure.mass)
+    return plain(points.location, (part,), part=points.part, n_cell=len(at), upper=0.5 * structure.mass)
 
 
 KIND = Kind(

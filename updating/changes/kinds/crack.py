@@ -67,8 +67,8 @@ def _opened(fields: Fields, crack: Candidates) -> Vector:
     """
     nu, angle, half = fields.stack.material.poisson, float(crack.angle[0]), float(crack.size[0]) / 2.0
     t, weight = np.polynomial.legendre.leggauss(_N_ALONG)
-    place = crack.place[0, :2] + half * t[:, None] * [np.cos(angle), np.sin(angle)]
-    which, share = fields.grid.shares(place)
+    location = crack.location[0, :2] + half * t[:, None] * [np.cos(angle), np.sin(angle)]
+    which, share = fields.grid.shares(location)
     weight = weight * share.sum(axis=1)  # of what is within the outline
     slope = np.sqrt(1.0 - t**2) * special.eval_chebyu(np.arange(_N_OPENING)[:, None], t)  # (j, t)
     number = 1.0 + np.arange(_N_OPENING)
@@ -78,7 +78,7 @@ def _opened(fields: Fields, crack: Candidates) -> Vector:
         across = fields.across(fields.layers[int(crack.layer[0])], angle)
         rows = np.einsum("pk,pkrm->prm", share / np.maximum(share.sum(axis=1), 0.1)[:, None], across[which])
         return _eased(closed, half * np.einsum("jp,prm->jrm", slope * weight, rows))
-    moment, twist, shear = _resultants(fields, place, angle)
+    moment, twist, shear = _resultants(fields, location, angle)
     turned = half * (slope * weight) @ moment
     phi, n = np.arccos(t), number[:-1, None]  # jumps whose slopes are the functions from the second on
     jump = (np.sin((n + 2.0) * phi) / (n + 2.0) - np.sin(n * phi) / n) / 2.0
@@ -94,7 +94,7 @@ def _eased(closed: Vector, forces: Vector) -> Vector:
     return np.asarray(eased.reshape(-1, forces.shape[2]))
 
 
-def _resultants(fields: Fields, place: Vector, angle: float) -> tuple[Vector, Vector, Vector]:
+def _resultants(fields: Fields, location: Vector, angle: float) -> tuple[Vector, Vector, Vector]:
     """Return moment across a line, twist along it and the derivative of the moment across it, (n_place, m) each.
 
     They are of a single plate and over the root of its bending stiffness.
@@ -102,8 +102,8 @@ def _resultants(fields: Fields, place: Vector, angle: float) -> tuple[Vector, Ve
     normal, along = np.array([-np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), np.sin(angle)])
     plan, (q11, q12, q22, q66) = fields.system.assembly.plan, fields.plane_stress
     step = _STEP * float(np.sqrt(fields.grid.area.sum()))
-    before, after = plan.nearest(place - step * normal), plan.nearest(place + step * normal)
-    every = np.vstack([place, before, after])
+    before, after = plan.nearest(location - step * normal), plan.nearest(location + step * normal)
+    every = np.vstack([location, before, after])
     phi = float(fields.system.phi["w"][0, 0])
     x, y, xy = (phi * fields.at_points(every, "w", d)[:, 0] for d in ("xx", "yy", "xy"))
     (c, s), thick = normal, fields.stack.pitch**3 / 12.0
@@ -112,7 +112,7 @@ def _resultants(fields: Fields, place: Vector, angle: float) -> tuple[Vector, Ve
     m_x, m_y, m_xy = scale * (q11 * x + q12 * y), scale * (q12 * x + q22 * y), scale * 2.0 * q66 * xy
     across = c * c * m_x + s * s * m_y + 2.0 * c * s * m_xy
     twist = c * along[0] * m_x + s * along[1] * m_y + (c * along[1] + s * along[0]) * m_xy
-    n, apart = len(place), np.maximum((after - before) @ normal, 0.1 * step)
+    n, apart = len(location), np.maximum((after - before) @ normal, 0.1 * step)
     return across[:n], twist[:n], (across[2 * n :] - across[n : 2 * n]) / apart[:, None]
 
 

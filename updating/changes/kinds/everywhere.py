@@ -48,9 +48,9 @@ def all_over(
         Part(rows=part.rows, target=part.target, weight=sp.csr_array(line @ part.weight.toarray()))
         for part, line in zip(parts, weights, strict=True)
     )
-    place = np.zeros((n, 3))
-    place[:, :2] = fields.grid.point.mean(axis=0)
-    return plain(place, shifted, upper=upper)
+    location = np.zeros((n, 3))
+    location[:, :2] = fields.grid.point.mean(axis=0)
+    return plain(location, shifted, upper=upper)
 
 
 def edges(fields: Fields) -> tuple[Part, ...]:

@@ -35,7 +35,7 @@ class HeldEdge:
         Of the support, from 0.
     name : str
         "left", "right", "front" or "back".
-    place : (n, 2) float
+    location : (n, 2) float
         Points along it, m, and `weight` (n,), the length that each stands for.
     moving, turning : (n, R, m) float
         Rows whose squares are the energy per length by moving and by turning.
@@ -43,7 +43,7 @@ class HeldEdge:
 
     number: int
     name: str
-    place: Vector
+    location: Vector
     weight: Vector
     moving: Vector
     turning: Vector
@@ -68,12 +68,12 @@ def _held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
         along = np.linspace(low, high, N_ALONG)
         weight = np.full(N_ALONG, (high - low) / (N_ALONG - 1))
         weight[[0, -1]] /= 2.0
-        place = np.column_stack([np.full(N_ALONG, fixed), along])
-        place = place if axis == 0 else place[:, ::-1]
+        location = np.column_stack([np.full(N_ALONG, fixed), along])
+        location = location if axis == 0 else location[:, ::-1]
         moving, turning = list[Vector](), list[Vector]()
         for motion in held_motions(stack, plan, support):
             field, slope = motion.kron.row, "xy"[axis] if motion.turns else ""
-            rows = _rows(fields, place, field, slope)  # type: ignore[arg-type]
+            rows = _rows(fields, location, field, slope)  # type: ignore[arg-type]
             held = float(motion.kron.z.diagonal().mean())
             held *= _given(fields, "edge_rotation" if motion.turns else "edge_translation", motion.stiffness)
             (turning if motion.turns else moving).append(np.sqrt(held) * rows)
@@ -82,7 +82,7 @@ def _held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
             HeldEdge(
                 number=i,
                 name=support.edge,
-                place=place,
+                location=location,
                 weight=weight,
                 moving=np.concatenate(moving, axis=1) if moving else nothing,
                 turning=np.concatenate(turning, axis=1) if turning else nothing,
@@ -91,10 +91,10 @@ def _held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
     return tuple(found)
 
 
-def _rows(fields: Fields, place: Vector, field: Field, derivative: Derivative) -> Vector:
+def _rows(fields: Fields, location: Vector, field: Field, derivative: Derivative) -> Vector:
     over_z = fields.system.phi[field]
     root = np.linalg.qr(over_z, mode="r")
-    return np.einsum("rf,pfm->prm", root, fields.at_points(place, field, derivative), optimize=True)
+    return np.einsum("rf,pfm->prm", root, fields.at_points(location, field, derivative), optimize=True)
 
 
 def _given(fields: Fields, name: str, stiffness: float) -> float:
@@ -106,21 +106,21 @@ def _given(fields: Fields, name: str, stiffness: float) -> float:
 
 def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
     """Return parts of held edges that hold less (sign -1) or more (1): against turning, moving, or both."""
-    place, size, number, angle = [], [], [], []
+    location, size, number, angle = [], [], [], []
     blocks: list[tuple[Vector, sp.csr_array, int, int]] = []
     n = 0
     for edge in held_edges(fields):
-        axis = int(np.ptp(edge.place[:, 0]) < np.ptp(edge.place[:, 1]))
-        along = edge.place[:, axis]
+        axis = int(np.ptp(edge.location[:, 0]) < np.ptp(edge.location[:, 1]))
+        along = edge.location[:, axis]
         whole = float(np.ptp(along))
         middle = along[0] + (np.arange(_N_MIDDLE) + 0.5) * whole / _N_MIDDLE
         for share in _SHARES:
             inside = np.abs(along[None, :] - middle[:, None]) <= share * whole / 2.0
             weight = sign * inside * edge.weight
             for held in ([edge.turning], [edge.moving], [edge.turning, edge.moving]):
-                here = np.full((middle.size, 2), edge.place[0])
+                here = np.full((middle.size, 2), edge.location[0])
                 here[:, axis] = middle
-                place.append(here)
+                location.append(here)
                 size.append(np.full(middle.size, share * whole))
                 number.append(np.full(middle.size, edge.number))
                 angle.append(np.full(middle.size, np.pi / 2.0 if axis else 0.0))
@@ -132,7 +132,7 @@ def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candid
         shifted = sp.csr_array((coo.data, (coo.coords[0] + first, coo.coords[1])), shape=(n, n_point))
         parts.append(Part(rows=rows, target="K", weight=shifted))
     return plain(
-        at_heights(np.vstack(place), 0.0) if place else np.zeros((0, 3)),
+        at_heights(np.vstack(location), 0.0) if location else np.zeros((0, 3)),
         tuple(_merged(parts)),
         size=np.concatenate(size) if size else np.zeros(0),
         angle=np.concatenate(angle) if angle else np.zeros(0),

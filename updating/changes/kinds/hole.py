@@ -40,7 +40,7 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
 
 def _opened(fields: Fields, holes: Candidates) -> Vector:
     """Return how the stresses about one hole strain it; see `Kind.opened`."""
-    share = _share(fields, holes.place[:, :2], holes.extra)
+    share = _share(fields, holes.location[:, :2], holes.extra)
     rows = fields.around_hole(fields.layers[0])[share.indices] * np.sqrt(share.data)[:, None, None]
     # as few rows that have the same squares
     value, axes = la.eigh(np.tensordot(rows, rows, axes=((0, 1), (0, 1))))
@@ -49,7 +49,7 @@ def _opened(fields: Fields, holes: Candidates) -> Vector:
 
 
 def _share(fields: Fields, centre: Vector, radius: Vector) -> sp.csr_array:
-    """Return bells as wide as holes about places, (n, n_point): areas, which sum to a hole's where it is within.
+    """Return bells as wide as holes about locations, (n, n_point): areas, which sum to a hole's where it is within.
 
     A disc's mean square distance from its middle is half the square of its radius, a bell's the square of its own.
     """

@@ -49,9 +49,9 @@ def patches(
         Part(rows=of(fields, layer), target="K", weight=weight, sign=sign)
         for layer, weight in zip(layers, weights, strict=True)
     ]
-    place = np.vstack([at_heights(centre, layer.z) for layer in layers])
+    location = np.vstack([at_heights(centre, layer.z) for layer in layers])
     return plain(
-        place,
+        location,
         tuple(parts),
         size=np.tile(side, len(layers)),
         layer=np.repeat(np.arange(len(layers)), n),

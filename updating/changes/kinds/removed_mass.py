@@ -10,7 +10,7 @@ def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return masses taken away at points."""
     points = structure.tied(at)
     part = Part(rows=points.rows, target="M", weight=points.weight, sign=-1.0)
-    return plain(points.place, (part,), part=points.part, n_cell=len(at), upper=structure.removable)
+    return plain(points.location, (part,), part=points.part, n_cell=len(at), upper=structure.removable)
 
 
 KIND = Kind(

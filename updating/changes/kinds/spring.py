@@ -10,7 +10,7 @@ def candidates(structure: Structure, at: Vector) -> Candidates:
     """Return springs at points: across laminas, or along each axis."""
     points = structure.pulled(at)
     part = Part(rows=points.rows, target="K", weight=points.weight)
-    return plain(points.place, (part,), part=points.part, n_cell=len(at), upper=structure.stiffest)
+    return plain(points.location, (part,), part=points.part, n_cell=len(at), upper=structure.stiffest)
 
 
 KIND = Kind(

@@ -1,4 +1,4 @@
-"""Change of observed displacements with the places of their points, some millimetres from those of the files."""
+"""Change of observed displacements with the locations of their points, some millimetres from those of the files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Vector = NDArray[np.float64]
 _STEP = 1e-3  # m, over which slopes are taken
 
 
-def place_slopes(system: ReducedSystem, observation: Observation) -> Vector:
+def location_slopes(system: ReducedSystem, observation: Observation) -> Vector:
     """Return how observed displacements change as their points move along x and y, (n_dof, 2, n_basis), 1/m.
 
     A point at an edge moves inwards only.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from model import Observation, observe, read_stack, reduce
-from updating.diagnosis.sensor_place import place_slopes
+from updating.diagnosis.sensor_locations import location_slopes
 
 
 def test_slopes_are_those_of_displacements_and_points_at_an_edge_move_inwards(tmp_path, stack_text):
@@ -15,7 +15,7 @@ def test_slopes_are_those_of_displacements_and_points_at_an_edge_move_inwards(tm
     location = np.array([[0.05, 0.01, 0.0], [system.stack.length / 2.0, 0.0, 0.0]])
     normal = np.tile([0.0, 0.0, 1.0], (2, 1))
     at = Observation(node=np.array([1, 2]), location=location, direction=normal)
-    slope = place_slopes(system, at)
+    slope = location_slopes(system, at)
 
     def moved(step):
         return observe(system, replace(at, location=location + step)).reduced_rows

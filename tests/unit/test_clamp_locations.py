@@ -10,7 +10,7 @@ import scipy.sparse.linalg as sla
 
 from model import Clamp, Mesh, assemble, catalogue, read_stack, reduce
 from model.effects.parts import known_or_usual_instruments
-from updating.diagnosis.candidates import candidate_model, clamp_places
+from updating.diagnosis.candidates import candidate_model, clamp_locations
 
 STACK = dataclasses.replace(
     read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml"), n_lamina=6, mesh=Mesh(n_x=6, n_y=2)
@@ -37,7 +37,7 @@ def plain(stack):
 @pytest.mark.parametrize("distribution", ["height", "faces"])
 def test_a_clamp_takes_its_mass_with_it(distribution):
     stack, off = with_clamp(distribution), 2e-3
-    along_x, along_y = clamp_places(stack)
+    along_x, along_y = clamp_locations(stack)
     assembly = assemble(stack.with_effects(along_x, along_y))
     # along x elements end at clamps, and the mesh would be another one
     moved = dataclasses.replace(stack.clamps[0], y=stack.clamps[0].y + off)
@@ -51,7 +51,7 @@ def test_clamps_that_are_off_change_frequencies_as_the_model_with_clamps_there_d
     """At the crest of a mode the first order says that nothing changes; by the second, 20 mm are 1 to 2 % off."""
     clamps = tuple(Clamp(mass=2.8, x=x, y=0.0, footprint=(0.04, 0.06)) for x in (-0.109, -0.0254, 0.0254, 0.109))
     stack = dataclasses.replace(STACK, n_lamina=12, mesh=Mesh(n_x=18, n_y=2), clamps=clamps)
-    places = clamp_places(stack)
+    places = clamp_locations(stack)
     system = reduce(stack.with_effects(*places), n_snapshot=4)
     base, start = frequencies(plain(stack)), frequencies(system)
     for off, least, tolerance in ((5e-3, 2e-3, 2e-4), (2e-2, 3e-2, 3e-3)):
@@ -66,7 +66,7 @@ def test_a_clamp_at_the_end_does_not_leave_the_stack():
     """Shapes were continued beyond the edge: 6 mm off it, a clamp had lowered a mode by a tenth, or two fifths."""
     clamp = Clamp(mass=2.2, x=0.5 * STACK.length - 1e-4, y=0.0, footprint=(0.0, 0.06), distribution="faces")
     stack = dataclasses.replace(STACK, n_lamina=12, mesh=Mesh(n_x=18, n_y=2), clamps=(clamp,))
-    along_x, _ = clamp_places(stack)
+    along_x, _ = clamp_locations(stack)
     system = reduce(stack.with_effects(along_x), n_snapshot=4)
     start = frequencies(system)
     for off in (3e-3, 6e-3, 1.2e-2):
@@ -81,7 +81,7 @@ def test_a_clamp_at_the_end_does_not_leave_the_stack():
 @pytest.mark.parametrize("distribution", ["height", "faces"])
 def test_mass_stays_positive_however_far_off_a_clamp_is(distribution):
     stack = with_clamp(distribution)
-    along_x, along_y = clamp_places(stack)
+    along_x, along_y = clamp_locations(stack)
     assembly = assemble(stack.with_effects(along_x, along_y))
     for x, y in ((0.02, 0.0), (0.0, -0.02), (0.02, 0.02), (-0.02, 0.02)):
         off = {along_x.name: x, along_y.name: y}
