@@ -14,8 +14,8 @@ from updating.correlation.registration import Expansion, Registration, expand, r
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose
 from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.explained_model import FittedParameter, JointFit, Updated
 from updating.diagnosis.fit_settings import FitSettings
-from updating.diagnosis.joint_answer import FittedParameter, JointFit, Updated
 from updating.diagnosis.matrices_answer import MatricesFit, diagnose_matrices, fit_matrices
 from updating.errors import LAMELLA_ERRORS, FitError, PairingError, StoreError, UpdatingError
 from updating.fitting.fit import Estimate, Fit, fit, frequency_error, opt_d, opt_G

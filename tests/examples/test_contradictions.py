@@ -12,7 +12,7 @@ from ema import read_campaign
 from updating.commands import ema as ema_command
 from updating.commands import update as update_command
 from updating.commands.update import run_update
-from updating.diagnosis import assembly
+from updating.diagnosis import evidence
 from updating.errors import FitError
 from updating.fitting import fit
 from updating.results.campaign import measurement_findings
@@ -68,6 +68,6 @@ def test_a_fit_that_leaves_no_pair_is_an_error(monkeypatch):
 
 def test_a_configuration_of_which_nothing_would_be_used_is_an_error(monkeypatch):
     tested = [SimpleNamespace(name=name) for name in ("M1", "M2")]
-    monkeypatch.setattr(assembly, "_far", lambda *_: (1.0, [0, 3]))
+    monkeypatch.setattr(evidence, "_far", lambda *_: (1.0, [0, 3]))
     with pytest.raises(FitError, match="no measured mode of M1 resembles one of the model"):
-        assembly._nearest(SimpleNamespace(rough=None), tested, ())
+        evidence._nearest(SimpleNamespace(rough=None), tested, ())

@@ -12,7 +12,7 @@ from rich.console import Console
 from model import catalogue
 from updating.commands import update as update_command
 from updating.commands.update import UpdateFile, held_out, parameter_table, read_update_file, run_update
-from updating.diagnosis.joint_answer import Updated
+from updating.diagnosis.explained_model import Updated
 from updating.errors import FitError
 from updating.pooled.joint_fit import joint_fit
 from updating.results.store import read_result

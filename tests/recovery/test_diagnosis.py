@@ -9,8 +9,8 @@ import pytest
 
 import model
 from tests.studies.blind import blind_test, candidates_of, simulated
-from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude, searched
+from updating.diagnosis.evidence import assemble_evidence
 
 SPECIFICATION = Path(__file__).parents[2] / "data" / "demo_stack" / "virtual_test.toml"
 CONSIDERED = ("clamp_mass", "contact_direction", "pressure_exponent", "contact_loss", "clamp_rods", "temperature")

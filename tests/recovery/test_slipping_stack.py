@@ -12,9 +12,9 @@ from model.effects.contact_slip import STRAIN
 from tests.studies.blind import blind_test, candidates_of, simulated
 from updating.commands.command_line import diagnose
 from updating.diagnosis.answer import Diagnosis
-from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.diagnosis import conclude, searched
-from updating.diagnosis.over_force import second_level
+from updating.diagnosis.evidence import assemble_evidence
+from updating.diagnosis.experiment import second_level
 from updating.diagnosis.slipping import AtLevel
 from updating.results.store import read_result
 

@@ -15,15 +15,14 @@ from ema.types.modal_model import ModalModel
 from model import Effect, Parameter, SolveError
 from tests.studies.modal_data import ModalNoise, simulate_modes
 from tests.studies.runner import BLIND, DATA, study
-from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.diagnosis import searched
+from updating.diagnosis.evidence import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.fit_settings import coordinate_of
-from updating.diagnosis.ranking import misfit
+from updating.diagnosis.ranking import misfit, not_visible, ruled_out, visibility
 from updating.diagnosis.stack_model import StackModel
-from updating.diagnosis.visibility import not_visible, ruled_out, visibility
 from updating.inference.decide import decide
 from updating.inference.equation_error import equation_errors
 from updating.inference.explain import Explanation, coordinates_of, explain

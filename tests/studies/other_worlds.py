@@ -24,10 +24,10 @@ from tests.independent.setups import SETUPS
 from tests.independent.solid import Solid
 from tests.recovery.other_worlds import simulated
 from tests.studies.runner import BLIND, Share, share, study
-from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import instruments_of
 from updating.diagnosis.diagnosis import searched
+from updating.diagnosis.evidence import assemble_evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.fit_settings import coordinate_of
 from updating.diagnosis.ranking import estimates, log_ratios, sizes_of

@@ -17,10 +17,10 @@ from tests.independent.campaign import SHAKER, STACK
 from tests.independent.slipping_modes import BAND, STATE, SlippingTest, slipping_test
 from tests.recovery.other_worlds import modal_model
 from tests.studies.runner import BLIND, Share, share, study
-from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of
 from updating.diagnosis.diagnosis import searched
+from updating.diagnosis.evidence import assemble_evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.ranking import estimates, log_ratios, mean_error
 from updating.diagnosis.slipping import AtLevel

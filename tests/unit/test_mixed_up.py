@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from updating.diagnosis.mixed_up import correct
+from updating.diagnosis.points import correct
 
 N_DOF, N_MODE, NAMES = 16, 4, ("M1", "M2")
 NODE = np.arange(101, 101 + N_DOF)

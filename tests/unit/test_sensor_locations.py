@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from model import Observation, observe, read_stack, reduce
-from updating.diagnosis.sensor_locations import location_slopes
+from updating.diagnosis.stack_model import location_slopes
 
 
 def test_slopes_are_those_of_displacements_and_points_at_an_edge_move_inwards(tmp_path, stack_text):

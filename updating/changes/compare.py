@@ -27,7 +27,7 @@ from updating.changes.refined import Condensed, Refined, refine
 from updating.changes.scan import Actions, Weighed, conditional, weigh
 from updating.changes.situation import EXPLAINED, IDEAL, IN_FULL, SCATTER_SPREAD, Situation
 from updating.changes.structure import Structure
-from updating.diagnosis.assembly import Campaigned
+from updating.diagnosis.evidence import Campaigned
 from updating.inference.levels import MISSING, NAMED, SEPARATE
 from updating.results.what_changed import KindOfChange, Verdict, WhatChanged, sentences
 

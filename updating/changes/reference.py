@@ -19,10 +19,9 @@ from updating.changes.nodes import Nodes, motions
 from updating.changes.structure import Part, Structure
 from updating.correlation.pairing import require_points
 from updating.correlation.registration import register
-from updating.diagnosis.assembly import Campaigned, assemble_evidence
 from updating.diagnosis.candidates import CandidateModel
 from updating.diagnosis.diagnosis import SHARES, priors_of, start_of
-from updating.diagnosis.evidence import DiagnosisScatter, Tested
+from updating.diagnosis.evidence import Campaigned, DiagnosisScatter, Tested, assemble_evidence
 from updating.diagnosis.matrices_model import MatricesModel
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.explain import Explanation, explain

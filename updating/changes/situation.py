@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from updating.changes.joint import Joint, joint_errors
 from updating.changes.reference import FittedReference
 from updating.changes.scan import Actions, Measured
-from updating.diagnosis.assembly import Campaigned
+from updating.diagnosis.evidence import Campaigned
 from updating.diagnosis.stack_model import n_gain
 from updating.errors import FitError
 from updating.inference.discrepancy import STIFFNESS

@@ -19,11 +19,10 @@ from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
 from updating.commands.terminal import MOST_EXPLANATIONS, OUT, print_lines, print_results, progress, table_of
 from updating.diagnosis.answer import Diagnosis
-from updating.diagnosis.assembly import Campaigned
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES, instruments_of
 from updating.diagnosis.diagnosis import diagnose as diagnose_stack
-from updating.diagnosis.evidence import DiagnosisScatter, read_scatter
+from updating.diagnosis.evidence import Campaigned, DiagnosisScatter, read_scatter
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command, second_level_text
 from updating.errors import FitError

@@ -26,8 +26,8 @@ from updating.commands.terminal import OUT, print_lines, progress, table_of
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.evidence import DiagnosisScatter
+from updating.diagnosis.explained_model import JointFit, Updated, convergence_figure, correlation_figure
 from updating.diagnosis.fit_settings import CONTACT, RATIOS, FitSettings, Scope, require_known
-from updating.diagnosis.joint_answer import JointFit, Updated, convergence_figure, correlation_figure
 from updating.diagnosis.moved import REPORTED, moved_text
 from updating.diagnosis.slipping import AtLevel
 from updating.errors import FitError

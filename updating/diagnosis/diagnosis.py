@@ -19,15 +19,12 @@ from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.correlation.rig_check import RigCheck, check_rig, upright
 from updating.diagnosis.answer import Diagnosis, MixedUp
-from updating.diagnosis.answer_of import answer_of
-from updating.diagnosis.assembly import Assembled, Campaigned, assemble_evidence
 from updating.diagnosis.candidates import G_F_RANGE, CandidateModel, candidate_model, instruments_of
-from updating.diagnosis.evidence import DiagnosisScatter, Tested
-from updating.diagnosis.experiment import aids, rank_tests
+from updating.diagnosis.evidence import Assembled, Campaigned, DiagnosisScatter, Tested, assemble_evidence
+from updating.diagnosis.experiment import aids, contact_amplitudes, rank_tests, second_level
 from updating.diagnosis.fit_settings import FitSettings
-from updating.diagnosis.mixed_up import search_corrected
-from updating.diagnosis.over_force import contact_amplitudes, second_level
-from updating.diagnosis.point_change import point_change
+from updating.diagnosis.points import point_change, search_corrected
+from updating.diagnosis.ranking import answer_of
 from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.stack_model import StackModel
 from updating.diagnosis.text import sentences

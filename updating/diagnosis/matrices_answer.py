@@ -15,11 +15,11 @@ from ema.types.threads import single_threaded
 from model import MatrixStructure, Modes, ReducedMatrices
 from updating.correlation.pairing import pair, require_points
 from updating.diagnosis.answer import Diagnosis, Moved
-from updating.diagnosis.answer_of import answer_of
 from updating.diagnosis.diagnosis import SHARES, priors_of
 from updating.diagnosis.evidence import DiagnosisScatter, Tested
 from updating.diagnosis.matrices_model import MatricesModel
-from updating.diagnosis.mixed_up import search_corrected
+from updating.diagnosis.points import search_corrected
+from updating.diagnosis.ranking import answer_of
 from updating.diagnosis.text import sentences
 from updating.errors import FitError
 from updating.fitting.fit import ModelFit, frequency_error

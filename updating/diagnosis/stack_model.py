@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from model import Effect, Observation, Parameter, ReducedEquations, observe, shared_parameters
+from model import Effect, Observation, Parameter, ReducedEquations, ReducedSystem, observe, shared_parameters
 from model.elements.equations import OMEGA
 from model.reduction.reduced_equations import ReducedTerm, full, generic
 from model.reduction.riding import RidingPart
@@ -37,12 +37,10 @@ from updating.diagnosis.evidence import (
     unit_shape,
 )
 from updating.diagnosis.fit_settings import FitSettings, scaled
+from updating.diagnosis.local_basis import ENERGIES, StackState
 from updating.diagnosis.moved import moved
-from updating.diagnosis.sensor_locations import location_slopes
 from updating.diagnosis.slipping import slip_effect
 from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear
-from updating.diagnosis.stack_screen import ENERGIES
-from updating.diagnosis.stack_state import StackState
 from updating.inference.explain import Explanation
 from updating.inference.protocol import Coordinate, State, Term
 
@@ -396,3 +394,24 @@ def n_gain(sensors: Sequence[NDArray[np.int64]], *, places: int = 4) -> int:
     """Return how many roving accelerometers have a gain beside the first's; with few places each it is scatter."""
     number = max(int(indices.max()) + 1 for indices in sensors)
     return number - 1 if min(indices.size for indices in sensors) >= places * number else 0
+
+
+_STEP = 1e-3  # m, over which slopes are taken
+
+
+def location_slopes(system: ReducedSystem, observation: Observation) -> Vector:
+    """Return how observed displacements change as their points move along x and y, (n_dof, 2, n_basis), 1/m.
+
+    A point at an edge moves inwards only.
+    """
+    half = np.array([system.stack.length, system.stack.width]) / 2.0
+    slopes = []
+    for axis in (0, 1):
+        ends = []
+        for step in (-_STEP, _STEP):
+            moved = observation.location.copy()
+            moved[:, axis] = np.clip(moved[:, axis] + step, -half[axis], half[axis])
+            ends.append((moved[:, axis], observe(system, replace(observation, location=moved)).reduced_rows))
+        (before, low), (after, high) = ends
+        slopes.append((high - low) / (after - before)[:, None])
+    return np.stack(slopes, axis=1)

@@ -15,9 +15,18 @@ from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import InRange, Matrix, ReducedTerm, generic
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT
 from updating.diagnosis.fit_settings import scaled
-from updating.diagnosis.local_basis import MODES, N_FURTHER, Responses, gathered, leading, parallel, times
-from updating.diagnosis.stack_screen import ENERGIES, StackScreen
-from updating.diagnosis.stack_state import Whole
+from updating.diagnosis.local_basis import (
+    ENERGIES,
+    MODES,
+    N_FURTHER,
+    Responses,
+    StackScreen,
+    Whole,
+    gathered,
+    leading,
+    parallel,
+    times,
+)
 from updating.inference.protocol import Coordinate, Modal
 
 Vector = NDArray[np.float64]

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from model.effects.contact_slip import STRAIN
-from updating.diagnosis.answer import Diagnosis, MixedUp, PointChange, Ranked, SensorGain, Telling, telling
-from updating.diagnosis.calibration import FAR
+from updating.diagnosis.answer import FAR, Diagnosis, MixedUp, PointChange, Ranked, SensorGain, Telling, telling
 from updating.diagnosis.moved import REPORTED, misstated, moved_text, pulled_text
 from updating.inference.discrepancy import DAMPING, STIFFNESS
 from updating.inference.levels import FALLS, INADEQUATE, NAMED

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ema.types.threads import single_threaded
 from model import Effect
-from updating.diagnosis.calibration import VISIBLE
+from updating.diagnosis.answer import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import priors_of
 from updating.diagnosis.evidence import DECAY, POINTS_SHIFT, DiagnosisScatter

@@ -13,9 +13,8 @@ import numpy as np
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.correlation.registration import register
-from updating.diagnosis.assembly import assemble_evidence
 from updating.diagnosis.candidates import MESSAGES, CandidateModel, candidate_model, instruments_of
-from updating.diagnosis.evidence import DiagnosisScatter, Tested
+from updating.diagnosis.evidence import DiagnosisScatter, Tested, assemble_evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.stack_model import StackModel
 from updating.errors import FitError

@@ -18,8 +18,8 @@ from updating.diagnosis.answer import Ranked
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import beside_model, priors_of, searched
 from updating.diagnosis.evidence import Tested, some_of
+from updating.diagnosis.explained_model import Updated
 from updating.diagnosis.fit_settings import FitSettings, coordinate_of, is_pinned, scaled
-from updating.diagnosis.joint_answer import Updated
 from updating.diagnosis.moved import pulled_text
 from updating.diagnosis.ranking import mean_error, rank
 from updating.diagnosis.slipping import AtLevel

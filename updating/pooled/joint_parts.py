@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ema.modal.mac import mac
 from updating.diagnosis.answer import Moved, Sizes
 from updating.diagnosis.evidence import D_F_START
+from updating.diagnosis.explained_model import ConfigurationFit, FittedParameter, JointFit
 from updating.diagnosis.fit_settings import CONTACT, RATIOS, FitSettings, is_pinned, scaled
-from updating.diagnosis.joint_answer import ConfigurationFit, FittedParameter, JointFit
 from updating.diagnosis.moved import moved
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.algebra import scaled_inverse

@@ -11,7 +11,7 @@ from model import Stack
 from updating.results.pooled import LevelKind
 
 if TYPE_CHECKING:
-    from updating.diagnosis.assembly import Campaigned
+    from updating.diagnosis.evidence import Campaigned
 
 UNTREATED = ("", "none", "no", "-")
 """Notes that say that there is nothing: no group."""

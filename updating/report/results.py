@@ -12,7 +12,7 @@ from ema.modal.change import Change
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.diagnosis.answer import Diagnosis
-from updating.diagnosis.joint_answer import Updated
+from updating.diagnosis.explained_model import Updated
 from updating.errors import StoreError
 from updating.fitting.fit import Fit, ModelFit
 from updating.results.campaign import CHANGE, WHAT_CHANGED
