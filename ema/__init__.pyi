@@ -28,8 +28,7 @@ from ema.io.found_modes import ModesStd
 from ema.io.uff import write_uff
 from ema.modal.change import Change, change
 from ema.modal.change_text import change_csv, change_sentence
-from ema.modal.comparison import Comparison, compare
-from ema.modal.configurations import Repeats, contradicted, repeats
+from ema.modal.configurations import Comparison, Repeats, compare, contradicted, repeats
 from ema.modal.mac import (
     Complexity,
     check_complexity,

@@ -1,4 +1,4 @@
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw
 from model.effects.catalogue import catalogue, find_effects, printed_effects, read_effect
 from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
 from model.matrices.reduced import ReducedMatrices, reduce_matrices

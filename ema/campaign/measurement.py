@@ -12,8 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
-from ema.campaign.lines import Run, of_common_length, snapped, with_finite_lines
-from ema.campaign.reading import frfs_from_records, frfs_of, records_of
+from ema.campaign.reading import (
+    Run,
+    frfs_from_records,
+    frfs_of,
+    of_common_length,
+    records_of,
+    snapped,
+    with_finite_lines,
+)
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels
 from ema.identification.identify import identify_frf
-from ema.modal.comparison import compare
+from ema.modal.configurations import compare
 from ema.quality.channels import check, usable
 from ema.types.errors import EmaError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Quantity
@@ -160,8 +160,8 @@ def _between_ends(table: Vector) -> Vector:
 def amplitude_dependence(name: str, levels: Sequence[Level]) -> AmplitudeDependence:
     """Follow the modes of one state of a structure from force level to force level.
 
-    A mode goes on as the one of the next level with the most similar shape (`ema.modal.comparison`), however far its
-    frequency moves; over few shared responses frequencies must agree to 10 %.
+    A mode goes on as the one of the next level with the most similar shape (`ema.modal.configurations`), however far
+    its frequency moves; over few shared responses frequencies must agree to 10 %.
 
     Parameters
     ----------

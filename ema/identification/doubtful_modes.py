@@ -21,9 +21,9 @@ from ema.identification.run_poles import RUNS_DIFFER, run_poles
 from ema.identification.stabilization import StabilizationDiagram
 from ema.quality.peaks import peaks
 from ema.quality.verdict import Verdict, listing
+from ema.types.arrays import single_threaded
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.modal_model import ModalModel, frequency_text
-from ema.types.threads import single_threaded
 from lamella_shared import arrays
 
 BROAD = 5.0

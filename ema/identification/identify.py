@@ -32,11 +32,11 @@ from ema.quality.explained import ExplainedPower, check_explained, explained_pow
 from ema.quality.linearity import check_force_levels
 from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict, at_points
+from ema.types.arrays import single_threaded
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel, UnexplainedPeak
-from ema.types.threads import single_threaded
 
 _LOG = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import Reassembly
-from ema.modal.comparison import CLOSE, Modes, clusters, match, shared_dofs, sine
+from ema.modal.configurations import CLOSE, Modes, clusters, match, shared_dofs, sine
 from ema.modal.mac import comac, mac, modal_scale_factor
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ema.identification.amplitude import AmplitudeDependence
 from ema.identification.doubtful_modes import Stability
 from ema.identification.stabilization import StabilizationDiagram
-from ema.modal.comparison import Comparison
+from ema.modal.configurations import Comparison
 from ema.modal.mac import real_shape
 from ema.plot import palette
 from ema.types.errors import IdentificationError

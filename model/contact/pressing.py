@@ -21,8 +21,7 @@ from lamella_shared import arrays, readonly
 from model.elements.mesh import Plan, plan_of
 from model.elements.terms import footprint_points, plate_form
 from model.stack.errors import SolveError, StackError
-from model.stack.inputs import CompressionCurve
-from model.stack.parts import PLATE_POISSON, Pressing, PressureDistribution
+from model.stack.parts import PLATE_POISSON, CompressionCurve, Pressing, PressureDistribution
 from model.stack.stack import Stack
 
 

@@ -1,6 +1,6 @@
 """Slip of the interfaces: contact that gets softer and loses more as the amplitude grows.
 
-Iwan's model with Segalman's power law of slip limits, in proportion to the local pressure (`model.contact.slip_law`).
+Iwan's model with Segalman's power law of slip limits, in proportion to the local pressure (`model.contact.contact`).
 At a shear strain of 1e-5 a cycle finds the contact softer by the share s; at another one by s (strain / 1e-5)^(1 +
 chi), until everything slides. A diagnosis uses the strain that each mode has at each force level. Without amplitudes,
 as here, all modes have a strain of 1e-5.
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw
 from model.effects.parts import again
 from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import Effect, Parameter

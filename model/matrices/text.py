@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.stack.errors import MatricesError
-from model.stack.inputs import plain_text
+from model.stack.parts import plain_text
 
 
 def refuse(message: str) -> NoReturn:

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lamella_shared import arrays
-from model.contact.contact import contact_fields, jump, mean
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw, contact_fields, jump, mean
 from model.elements.equations import OMEGA
 from model.elements.mesh import Derivative, Field
 from model.modes.modes import full_parameters, reduced_eigenpairs

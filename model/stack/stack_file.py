@@ -15,7 +15,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from model.stack import outline
 from model.stack.errors import StackError
-from model.stack.inputs import plain_text, read_curve
 from model.stack.parts import (
     NO_CONTACT,
     PLATE_POISSON,
@@ -30,6 +29,8 @@ from model.stack.parts import (
     Mesh,
     PatchSupport,
     Pressing,
+    plain_text,
+    read_curve,
 )
 from model.stack.stack import Stack
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw
 from model.modes.backbone import backbone, contact_strain
 from model.modes.modes import full_parameters, reduced_eigenpairs
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw
 
 AMPLITUDE = np.geomspace(1e-3, 1e3, 4000)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw
 from tests.independent import slipping_modes
 from tests.independent.slipping_campaign import sliders
 from tests.studies.slipping import SlippingCase, figures, median_factor, planned, study_of

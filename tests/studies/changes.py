@@ -15,7 +15,7 @@ import numpy as np
 
 import model
 from ema import FRF, Dofs, Geometry, ModalModel, change, identify_frf
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from model.stack.parts import EdgeSupport
 from tests.independent.campaign import SHAKER, STACK, Configuration, Plan
 from tests.independent.changes import DRAWS, FEWEST_SCATTERS, States, drawn, workshop

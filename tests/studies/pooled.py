@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import model
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from tests.independent.bench import SecondModel
 from tests.independent.campaign import STACK, Plan
 from tests.independent.effects import TABLE, draw_strength

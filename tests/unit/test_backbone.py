@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import model
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw
 from model.modes.backbone import backbone, chosen_interfaces, contact_strain
-from model.stack.inputs import read_curve
-from model.stack.parts import Pressing
+from model.stack.parts import Pressing, read_curve
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")
 STACK = model.Stack(

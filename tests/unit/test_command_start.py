@@ -107,7 +107,7 @@ def test_every_command_that_multiplies_uses_one_thread():
 def test_one_thread_holds_for_libraries_that_are_imported_later():
     job = """
 from threadpoolctl import threadpool_info
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 @single_threaded
 def later():
     import numpy, scipy.linalg, scipy.spatial, scipy.sparse.linalg

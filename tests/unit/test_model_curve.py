@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import model
-from model.stack.inputs import CompressionCurve, read_curve
+from model.stack.parts import CompressionCurve, read_curve
 
 DATA = Path(__file__).parents[2] / "data/contact"
 

@@ -8,9 +8,8 @@ import model
 from model.contact.pressing import press
 from model.elements.mesh import plan_of, triangles
 from model.plot.plots import pressure_figure
-from model.stack.inputs import read_curve
 from model.stack.outline import BoltHoles, Outline, Triangulation, ring, smallest_angle, stator
-from model.stack.parts import Pressing
+from model.stack.parts import Pressing, read_curve
 from tests.full_matrices import lowest, lowest_modes
 
 DATA = Path(__file__).parents[2] / "data"

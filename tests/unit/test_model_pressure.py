@@ -9,8 +9,7 @@ from model.contact.contact import SEPARATION
 from model.contact.pressing import press, separate
 from model.effects.parts import centred
 from model.elements.mesh import rectangle
-from model.stack.inputs import read_curve
-from model.stack.parts import Interlayer, Pressing
+from model.stack.parts import Interlayer, Pressing, read_curve
 from tests.full_matrices import lowest_modes
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")

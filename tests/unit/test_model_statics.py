@@ -7,8 +7,7 @@ import scipy.integrate as integrate
 
 import model
 from model.contact.pressing import press
-from model.stack.inputs import CompressionCurve, read_curve
-from model.stack.parts import Interlayer, Pressing
+from model.stack.parts import CompressionCurve, Interlayer, Pressing, read_curve
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")
 STEEL_PLATE = 2e11 * 0.02**3 / 12 / 0.91  # N m, 20 mm thick

@@ -16,9 +16,8 @@ from updating.diagnosis.stack_model import StackModel
 from updating.inference.discrepancy import Sizes
 from updating.inference.explain import coordinates_of, errors_at, setting
 from updating.inference.tree import Tree
-from updating.pooled.groups import Group
 from updating.pooled.screening import Bordered
-from updating.pooled.specimen import levels_of
+from updating.pooled.specimen import Group, levels_of
 from updating.pooled.specimens_model import SpecimensModel
 
 STACK = dataclasses.replace(

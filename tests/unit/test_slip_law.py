@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.contact.slip_law import SlipLaw
+from model.contact.contact import SlipLaw
 
 LAWS = [
     SlipLaw(friction=0.2, exponent=-0.5),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.fit import LedgerRequest, campaign_ledger, fit_campaign
 from updating.commands.report import make_report

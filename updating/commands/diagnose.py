@@ -13,7 +13,7 @@ from rich.table import Table
 
 from ema import Campaign, Change, change_sentence, read_campaign
 from ema.campaign.campaign_file import repeats_of
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from model import Stack, catalogue, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs

@@ -39,8 +39,8 @@ from ema.plot.figures import (
     shape_figure,
     stabilization_figure,
 )
+from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
-from ema.types.threads import single_threaded
 from updating.commands.terminal import OUT, print_lines, print_results, table_of
 from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (

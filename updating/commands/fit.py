@@ -16,8 +16,8 @@ from rich.console import Console
 from rich.table import Table
 
 from ema import ModalModel, read_campaign
+from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
-from ema.types.threads import single_threaded
 from model import Effect, Modes, Stack, catalogue, find_effects, printed_effects, read_stack
 from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs

@@ -14,8 +14,8 @@ from rich.table import Table
 
 from ema import ModalModel
 from ema.plot.figures import as_png
+from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
-from ema.types.threads import single_threaded
 from model import (
     Effect,
     EffectError,

@@ -9,7 +9,7 @@ import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from updating.commands.terminal import OUT
 from updating.errors import StoreError
 from updating.report.results import read_results

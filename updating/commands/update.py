@@ -18,7 +18,7 @@ import model
 from ema import read_campaign
 from ema.io.files import Section, read_form
 from ema.plot.figures import as_png
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import by_level, changed_names
 from updating.commands.fit import ledger_table

@@ -32,9 +32,17 @@ from model.elements.equations import Formula, Product, Riding
 from model.elements.mesh import Plan, plan_on
 from model.reduction.reduced_equations import InRange, ReducedTerm
 from model.reduction.riding import RidingPart
-from model.stack.inputs import CompressionCurve
 from model.stack.outline import Outline, Triangulation
-from model.stack.parts import Clamp, Contact, EdgeSupport, Interlayer, Material, PatchSupport, Pressing
+from model.stack.parts import (
+    Clamp,
+    CompressionCurve,
+    Contact,
+    EdgeSupport,
+    Interlayer,
+    Material,
+    PatchSupport,
+    Pressing,
+)
 from updating.diagnosis.candidates import CandidateModel, candidate_model, clamp_locations
 from updating.errors import StoreError
 from updating.results.store import digest, versions

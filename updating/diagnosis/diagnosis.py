@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from model import Effect, Stack
 from updating.correlation.pairing import require_points
 from updating.correlation.rig_check import RigCheck, check_rig, upright

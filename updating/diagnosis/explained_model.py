@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.plot import palette
+from ema.types.arrays import single_threaded
 from ema.types.modal_model import ModalModel
-from ema.types.threads import single_threaded
 from lamella_shared import arrays
 from model import Effect, Stack, observe, solve_modes
 from updating.correlation.pairing import pair

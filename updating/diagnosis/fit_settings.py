@@ -59,7 +59,8 @@ Scope = Literal["all", "specimen", "configuration"]
 """Who shares a parameter: all configurations, those of one stack, or nobody."""
 SCOPES: tuple[Scope, ...] = get_args(Scope)
 
-CONTACT = ("G_f", "d_f")
+CONTACT = {"G_f": "contact stiffness", "d_f": "contact damping"}
+"""Contact parameters, with what a person calls them."""
 RATIOS = ("young", "density", "normal_modulus")
 """Parameters of every stack, as ratios to the values of its file."""
 _RATIO_BOUNDS = (0.5, 2.0)
@@ -189,7 +190,7 @@ class FitSettings:
 
     def of_stack(self, usual: Sequence[Coordinate], stack: Stack) -> tuple[Coordinate, ...]:
         """Return the nuisances of one stack, as `stack` has it, with what is known of them."""
-        several = any("[" in c.name and c.name.startswith(CONTACT) for c in usual)
+        several = any("[" in c.name and c.name.startswith(tuple(CONTACT)) for c in usual)
         levels: list[Scope] = ["all", "configuration"] if several else ["all"]
         return tuple(
             self.part(c, c.name.partition("[")[0], "configuration" if "[" in c.name else "all", levels, c, stack)

@@ -10,8 +10,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from ema.types.arrays import single_threaded
 from ema.types.modal_model import ModalModel
-from ema.types.threads import single_threaded
 from model import MatrixStructure, Modes, ReducedMatrices
 from updating.correlation.pairing import pair, require_points
 from updating.diagnosis.answer import Diagnosis, Moved

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema import Campaign, Configuration
 from ema.modal.mac import mac
+from ema.types.arrays import single_threaded
 from ema.types.modal_model import ModalModel
-from ema.types.threads import single_threaded
 from lamella_shared import Shown, arrays
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.pairing import LEAST_MAC, N_MODE, Pairing, pair, require_points

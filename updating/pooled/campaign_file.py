@@ -39,7 +39,7 @@ from updating.pooled.specimen import Specimen
 from updating.results.store import read_result
 
 if TYPE_CHECKING:
-    from updating.pooled.classed import Classes
+    from updating.pooled.modal_files import Classes
 
 
 class MaterialSection(Section):
@@ -225,7 +225,7 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
         A file is no modal model.
     """
     # With parts of a diagnosis, which nobody waits for who only asks what a file is.
-    from updating.pooled.classed import Classes
+    from updating.pooled.modal_files import Classes
 
     specimens, of_classes = [], Classes()
     for stack, specimen in zip(campaign.stacks, campaign.content.specimen, strict=True):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from model import Effect
 from updating.diagnosis.answer import VISIBLE
 from updating.diagnosis.candidates import CandidateModel, candidate_model
@@ -23,12 +23,10 @@ from updating.inference.decide import decide
 from updating.inference.explain import Explanation
 from updating.inference.left_out import LeftOut, left_out
 from updating.inference.search import Search
-from updating.pooled.groups import groups_of
-from updating.pooled.scoped import label_of
+from updating.pooled.joint_parts import Contacts, contrasts_of, far_off, mode_answers
 from updating.pooled.search import PooledSearch, begin, fit_terms, searched
-from updating.pooled.specimen import Specimen, levels_of
-from updating.pooled.specimens_model import SpecimensModel
-from updating.pooled.states import Contacts, contrasts_of, far_off, mode_answers
+from updating.pooled.specimen import Specimen, groups_of, levels_of
+from updating.pooled.specimens_model import SpecimensModel, label_of
 from updating.results.pooled import Part, PooledDiagnosis, PooledRanked, PooledVerdict, SpecimenAnswer, sentences
 from updating.results.text import Z95
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from model import Effect, catalogue
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.candidates import CandidateModel, candidate_model
@@ -30,12 +30,10 @@ from updating.inference.discrepancy import Sizes
 from updating.inference.explain import Explanation, Setting, coordinates_of, explain
 from updating.inference.left_out import Kind, LeftOut, left_out
 from updating.pooled.diagnosis import estimate_of, specimens_model
-from updating.pooled.groups import Group
-from updating.pooled.joint_parts import Fitted, configurations_left_out, damped, joint_answer
+from updating.pooled.joint_parts import Fitted, configurations_left_out, damped, far_off, joint_answer
 from updating.pooled.search import begin, fit_terms
-from updating.pooled.specimen import Specimen
+from updating.pooled.specimen import Group, Specimen
 from updating.pooled.specimens_model import SpecimensModel
-from updating.pooled.states import far_off
 from updating.results.ledger import Entry
 
 Vector = NDArray[np.float64]

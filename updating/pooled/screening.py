@@ -15,11 +15,11 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from updating.diagnosis.fit_settings import CONTACT
 from updating.inference.discrepancy import Sizes
 from updating.inference.explain import Explanation, Setting, coordinates_of, errors_at
 from updating.inference.protocol import Coordinate, Term
 from updating.inference.tree import Passing, TreeProblem
-from updating.pooled.scoped import CONTACT
 from updating.pooled.specimens_model import SpecimensModel, SpecimensNear
 
 Vector = NDArray[np.float64]

@@ -19,9 +19,8 @@ from updating.inference.levels import INADEQUATE, PULLED
 from updating.inference.protocol import Term
 from updating.inference.search import Search, search
 from updating.inference.tree import Tree, TreeProblem
-from updating.pooled.scoped import SCATTER
 from updating.pooled.screening import screen
-from updating.pooled.specimens_model import SpecimensModel
+from updating.pooled.specimens_model import SCATTER, SpecimensModel
 
 _LOG = logging.getLogger(__name__)
 Vector = NDArray[np.float64]

@@ -1,14 +1,28 @@
-"""A specimen: one stack in the rig that all share, what was noted of it, and its identified configurations."""
+"""Specimens: one stack each in the rig that all share, and the groups of stacks that share a model."""
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
-from model import Stack
+import numpy as np
+
+from model import Effect, Stack
+from updating.correlation.pairing import require_points
+from updating.correlation.registration import register
+from updating.diagnosis.candidates import MESSAGES, CandidateModel, candidate_model, instruments_of
+from updating.diagnosis.evidence import DiagnosisScatter, Tested, assemble_evidence
+from updating.diagnosis.experiment import aids
+from updating.diagnosis.stack_model import StackModel
+from updating.errors import FitError
 from updating.results.pooled import LevelKind
+from updating.results.store import digest
+from updating.workers.workers import distribute
 
 if TYPE_CHECKING:
     from updating.diagnosis.evidence import Campaigned
@@ -83,3 +97,159 @@ def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
                 levels.append(Level(kind="group", of=f"{column} = {value}", members=members))
     levels += [Level(kind="specimen", of=specimen.name, members=(i,)) for i, specimen in enumerate(specimens)]
     return tuple(levels)
+
+
+_LOG = logging.getLogger(__name__)
+
+ALIKE = 0.06
+"""Relative difference of heights up to which specimens share the model of the middle one; the rest is taken to first
+order, which is wrong by less than 0.1 % of a frequency."""
+_PLACE = 4  # digits, in m, to which shakers sit at the same place
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Group:
+    """Specimens with the model that they share.
+
+    Attributes
+    ----------
+    members : tuple of int
+        Places of the specimens.
+    model : StackModel
+        Of all their states, specimen by specimen; what belongs to one state is named by its configuration.
+    first : tuple of int
+        The first state of each specimen, and behind them the number of states.
+    start : (2,) float
+        ln G_f and ln d_f over the stated ones, near those of one of the specimens.
+    """
+
+    members: tuple[int, ...]
+    model: StackModel
+    first: tuple[int, ...]
+    start: tuple[float, float]
+
+
+def groups_of(
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    *,
+    scatter: DiagnosisScatter | None = None,
+    executor: Executor | None = None,
+    reduced: Callable[..., CandidateModel] = candidate_model,
+) -> tuple[tuple[Group, ...], dict[str, str]]:
+    """Put specimens beside the models that they share, and say why effects cannot be.
+
+    Parameters
+    ----------
+    specimens : sequence of Specimen
+        All.
+    effects : mapping of str to Effect
+        The catalogue.
+    scatter : DiagnosisScatter, optional
+        What a laboratory knows of what separates a right model from a right measurement.
+    executor : Executor, optional
+        Where models are reduced.
+    reduced : callable
+        `candidate_model`, or one that caches.
+
+    Raises
+    ------
+    FitError
+        No measured mode of a specimen resembles one of its model.
+    PairingError
+        Measured points do not lie on a stack, or are fewer than the modes.
+    """
+    alike = _alike(specimens)
+    for members in alike:
+        _LOG.info("the model of %s", ", ".join(specimens[i].name for i in members))
+    make = partial(_candidates, specimens, effects, reduced)
+    single = len(alike) == 1  # then the executor takes its parts
+    models = [make(alike[0], executor)] if single else list(distribute(make, alike, executor, MESSAGES))
+    possible = [name for name in effects if all(name in candidates.effects for candidates in models)]
+    grouped = [
+        _group(specimens, candidates, members, scatter or DiagnosisScatter())
+        for candidates, members in zip(models, alike, strict=True)
+    ]
+    silent = {name: why for _, reasons in grouped for name, why in reasons.items()}
+    kept = [name for name in possible if name not in silent]
+    n_equation = max(group.model.n_equation for group, _ in grouped)
+    groups = tuple(replace(group, model=_with(group.model, kept, n_equation)) for group, _ in grouped)
+    return groups, {**{n: why for candidates in models for n, why in candidates.impossible.items()}, **silent}
+
+
+def _candidates(
+    specimens: Sequence[Specimen],
+    effects: Mapping[str, Effect],
+    reduced: Callable[..., CandidateModel],
+    members: Sequence[int],
+    executor: Executor | None = None,
+) -> CandidateModel:
+    """Return the model of the middle one of some specimens."""
+    for i in members:
+        for _, _, modes in specimens[i].tested:
+            require_points(modes)
+    first = specimens[members[len(members) // 2]]
+    return reduced(first.stack, instruments_of(first.tested[0][2]), effects, aids(), executor)
+
+
+def _group(
+    specimens: Sequence[Specimen], candidates: CandidateModel, members: Sequence[int], scatter: DiagnosisScatter
+) -> tuple[Group, Mapping[str, str]]:
+    """Return some specimens beside a model, and why effects cannot show in them."""
+    middle = specimens[members[len(members) // 2]]
+    try:
+        evidence = assemble_evidence(candidates, middle.tested, scatter=scatter)
+    except FitError as error:
+        raise FitError(f"specimen {middle.name}: {error}") from error
+    tested, observation, first = [], [], [0]
+    for i in members:
+        for name, pressure, modes in specimens[i].tested:
+            tested.append(Tested(name=f"{specimens[i].name} {name}", pressure=pressure, modes=modes, state=name))
+            observation.append(register(candidates.stack, modes.geometry, modes.node, modes.direction).observation)
+        first.append(len(tested))
+    start = (evidence.start["G_f"], evidence.start["d_f"])
+    model = StackModel(candidates, tested, observation, scatter, evidence.effects, start=start[0])
+    group = Group(members=tuple(members), model=model, first=tuple(first), start=start)
+    return group, {n: why for n, why in evidence.impossible.items() if n not in candidates.impossible}
+
+
+def _with(model: StackModel, names: Sequence[str], n_equation: int) -> StackModel:
+    """Return a model with some of its effects, so many equations of which are looked at."""
+    return StackModel(
+        model.candidates,
+        model.tested,
+        model.observation,
+        model.scatter,
+        {name: model.effects[name] for name in names},
+        start=model.start,
+        n_equation=n_equation,
+        like=model if model.n_equation == n_equation else None,
+    )
+
+
+def _alike(specimens: Sequence[Specimen]) -> list[list[int]]:
+    """Return which specimens share a model, by height ascending: their stacks differ by `ALIKE` of height at most."""
+    groups: list[list[int]] = []
+    key = [_key(specimen) for specimen in specimens]
+    for i in sorted(range(len(specimens)), key=lambda i: (key[i], specimens[i].stack.height)):
+        height = specimens[i].stack.height
+        last = groups[-1][0] if groups else -1
+        if last >= 0 and key[last] == key[i] and height / specimens[last].stack.height <= 1.0 + ALIKE:
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+    return groups
+
+
+def _key(specimen: Specimen) -> str:
+    """Return what distinguishes the models of two stacks, but for their height."""
+    stack: Stack = replace(specimen.stack, name="", height=specimen.stack.width)
+    instruments = instruments_of(specimen.tested[0][2])
+    x, y, z = instruments.shaker
+    place = (round(x, _PLACE), round(y, _PLACE), z > 0.0)
+    return digest({"stack": stack, "shaker": place, "sensors": len(instruments.sensor)})
+
+
+def height_ratio(specimen: Specimen, model: StackModel) -> float:
+    """Return the logarithm of a specimen's stated height over that of the model that it shares."""
+    return float(np.log(specimen.stack.height / model.stack.height))

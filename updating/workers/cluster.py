@@ -9,7 +9,7 @@ import dask
 from distributed import Client, KilledWorker, WorkerPlugin
 from distributed.comm import CommClosedError
 
-from ema.types.threads import one_blas_thread
+from ema.types.arrays import one_blas_thread
 
 LOST = (KilledWorker, CancelledError, CommClosedError)
 """Errors of a task that the cluster could not finish."""

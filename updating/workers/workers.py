@@ -23,7 +23,7 @@ from uuid import uuid4
 import cloudpickle
 from rich.console import Console
 
-from ema.types.threads import one_blas_thread, single_threaded
+from ema.types.arrays import one_blas_thread, single_threaded
 from model.reduction.threads import n_processor
 from updating.errors import WorkerError
 from updating.workers.progress import hear, send, shown

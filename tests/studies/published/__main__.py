@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from tests.studies.published.campaign import CALIBRATIONS
 from tests.studies.published.results import reproduce_campaign
 from tests.studies.published.tables import summary_table

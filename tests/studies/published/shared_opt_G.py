@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from model import Parameter, shared_parameters
 from model.reduction.reduction import sobol
 from tests.studies.published.target import Prepared, solve_target

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.types.threads import single_threaded
+from ema.types.arrays import single_threaded
 from lamella_shared import arrays
 from model import Modes, ReducedSystem, Stack, reduce, solve_modes
 from model.modes.modes import Observed, observe
