@@ -20,7 +20,7 @@ from updating.changes.compare import _verdict
 from updating.changes.fields import Fields
 from updating.changes.joint import joint_errors
 from updating.changes.kinds import kinds
-from updating.changes.kinds.held_edges import held_edges
+from updating.changes.kinds.edges import held_edges
 from updating.changes.refined import Condensed
 from updating.changes.scan import Actions, Measured, conditional, weigh
 from updating.inference.equation_error import equation_errors

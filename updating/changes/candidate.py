@@ -129,10 +129,10 @@ class Kind:
     name: str
     label: str
     quantity: str
-    unit: str
     why_not: Callable[[Structure], str | None]
     candidates: Callable[[Any, Vector], Candidates]
-    value: Callable[[Candidates, Vector], Vector]
+    unit: str = "1"
+    value: Callable[[Candidates, Vector], Vector] = field(default_factory=lambda: amplitude)
     exact: Callable[[Candidates, Vector], Vector] | None = field(default_factory=lambda: amplitude)
     opened: Callable[[Any, Candidates], Vector] | None = None
     whole: float = np.inf

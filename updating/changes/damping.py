@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from updating.changes.candidate import Candidates, needs_contact, plain, three
 from updating.changes.fields import Fields
-from updating.changes.kinds.everywhere import all_over, interfaces
+from updating.changes.kinds.contact import all_over, interfaces
 from updating.changes.kinds.patches import patches
 from updating.changes.scan import Actions
 from updating.changes.situation import SCATTER_SPREAD, Situation

@@ -13,8 +13,9 @@ from ema.types.modal_model import ModalModel
 from model import MatrixStructure
 from model.modes.modes import observe
 from updating.changes.fields import Fields
-from updating.changes.kinds.clamp_force import under_clamps
-from updating.changes.kinds.everywhere import edges, whole_contact, whole_laminas
+from updating.changes.kinds.clamps import under_clamps
+from updating.changes.kinds.contact import whole_contact, whole_laminas
+from updating.changes.kinds.edges import edges
 from updating.changes.nodes import Nodes, motions
 from updating.changes.structure import Part, Structure
 from updating.correlation.pairing import require_points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from updating.changes.candidate import Candidates, Kind, always, amplitude, plain
+from updating.changes.candidate import Candidates, Kind, always, plain
 from updating.changes.structure import Part, Structure, Vector
 
 N_TUNED = 120
@@ -32,13 +32,14 @@ def candidates(structure: Structure, at: Vector) -> Candidates:
     )
 
 
-KIND = Kind(
-    name="absorber",
-    label="a mass on a spring",
-    quantity="mass",
-    unit="kg",
-    why_not=always,
-    candidates=candidates,
-    value=amplitude,
-    splits=True,
+KINDS = (
+    Kind(
+        name="absorber",
+        label="a mass on a spring",
+        quantity="mass",
+        unit="kg",
+        why_not=always,
+        candidates=candidates,
+        splits=True,
+    ),
 )

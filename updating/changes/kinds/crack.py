@@ -122,14 +122,16 @@ def _length(candidates: Candidates, found: Vector) -> Vector:
     return np.asarray(size * np.sqrt(found))
 
 
-KIND = Kind(
-    name="crack",
-    label="a crack or cut",
-    quantity="length, were it through all the depth",
-    unit="m",
-    why_not=needs_laminas,
-    candidates=candidates,
-    value=_length,
-    exact=_length,
-    opened=_opened,
+KINDS = (
+    Kind(
+        name="crack",
+        label="a crack or cut",
+        quantity="length, were it through all the depth",
+        unit="m",
+        why_not=needs_laminas,
+        candidates=candidates,
+        value=_length,
+        exact=_length,
+        opened=_opened,
+    ),
 )

@@ -67,14 +67,16 @@ def _diameter(candidates: Candidates, found: Vector) -> Vector:
     return np.asarray(2.0 * radius * np.sqrt(found))
 
 
-KIND = Kind(
-    name="hole",
-    label="a hole",
-    quantity="diameter, were it round",
-    unit="m",
-    why_not=needs_laminas,
-    candidates=candidates,
-    value=_diameter,
-    exact=_diameter,
-    opened=_opened,
+KINDS = (
+    Kind(
+        name="hole",
+        label="a hole",
+        quantity="diameter, were it round",
+        unit="m",
+        why_not=needs_laminas,
+        candidates=candidates,
+        value=_diameter,
+        exact=_diameter,
+        opened=_opened,
+    ),
 )

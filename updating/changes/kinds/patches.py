@@ -1,14 +1,25 @@
-"""What kinds share whose stiffness changes in a patch: bells of several radii, and stripes, at several heights."""
+"""Patches where laminas, or the contact between them, are softer or stiffer: bells and stripes at several heights."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from updating.changes.candidate import Candidates, at_heights, bumps, crossed, plain
+from updating.changes.candidate import (
+    Candidates,
+    Kind,
+    at_heights,
+    bumps,
+    crossed,
+    gone,
+    needs_contact,
+    needs_laminas,
+    plain,
+)
 from updating.changes.fields import Fields, Layer, Vector
 from updating.changes.structure import Part
 
@@ -74,3 +85,39 @@ def _bells(fields: Fields, at: Vector) -> tuple[Vector, Vector, list[Any]]:
         sp.vstack([weight if j == i else nothing for j in range(len(layers))]).tocsr() for i in range(len(layers))
     ]
     return radius.min(axis=1), centre, weights
+
+
+KINDS = (
+    Kind(
+        name="softer_patch",
+        label="a patch of less stiffness",
+        quantity="share of its stiffness that is gone",
+        why_not=needs_laminas,
+        candidates=partial(patches, of=Fields.strain, sign=-1.0),
+        value=gone,
+        whole=1.0,
+    ),
+    Kind(
+        name="stiffer_patch",
+        label="a patch of more stiffness",
+        quantity="share by which it is stiffer",
+        why_not=needs_laminas,
+        candidates=partial(patches, of=Fields.strain, sign=1.0, upper=10.0),
+    ),
+    Kind(
+        name="lost_contact",
+        label="contact between sheets lost in a patch",
+        quantity="share of its stiffness that is gone",
+        why_not=needs_contact,
+        candidates=partial(patches, of=Fields.contact, sign=-1.0, upper=2.0),
+        value=gone,
+        whole=1.0,
+    ),
+    Kind(
+        name="glued_patch",
+        label="sheets that hold together more in a patch, as by glue",
+        quantity="share by which their contact is stiffer",
+        why_not=needs_contact,
+        candidates=partial(patches, of=Fields.contact, sign=1.0, upper=20.0),
+    ),
+)

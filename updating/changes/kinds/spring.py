@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from updating.changes.candidate import Candidates, Kind, always, amplitude, plain
+from updating.changes.candidate import Candidates, Kind, always, plain
 from updating.changes.structure import Part, Structure, Vector
 
 
@@ -13,12 +13,13 @@ def candidates(structure: Structure, at: Vector) -> Candidates:
     return plain(points.location, (part,), part=points.part, n_cell=len(at), upper=structure.stiffest)
 
 
-KIND = Kind(
-    name="spring_to_ground",
-    label="a spring to the ground",
-    quantity="stiffness",
-    unit="N/m",
-    why_not=always,
-    candidates=candidates,
-    value=amplitude,
+KINDS = (
+    Kind(
+        name="spring_to_ground",
+        label="a spring to the ground",
+        quantity="stiffness",
+        unit="N/m",
+        why_not=always,
+        candidates=candidates,
+    ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from updating.changes.candidate import Candidates, Kind, amplitude, at_heights, crossed, lines, needs_laminas, plain
+from updating.changes.candidate import Candidates, Kind, at_heights, crossed, lines, needs_laminas, plain
 from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part, Structure
 
@@ -48,12 +48,13 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
     )
 
 
-KIND = Kind(
-    name="stiffener",
-    label="a stiffener along a line",
-    quantity="width of a strip of the same material",
-    unit="m",
-    why_not=why_not,
-    candidates=candidates,
-    value=amplitude,
+KINDS = (
+    Kind(
+        name="stiffener",
+        label="a stiffener along a line",
+        quantity="width of a strip of the same material",
+        unit="m",
+        why_not=why_not,
+        candidates=candidates,
+    ),
 )

@@ -1,14 +1,16 @@
-"""What kinds share that change the force of one clamp: the pressure between sheets about it, and what its mass does."""
+"""The force of one clamp, a bolt that came loose or was tightened: pressure between sheets, and what its mass does."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from model.effects.parts import clamp_bells
-from updating.changes.candidate import Candidates, at_heights, crossed, plain
-from updating.changes.fields import Fields, as_rows
+from updating.changes.candidate import Candidates, Kind, at_heights, crossed, gone, needs_clamps, plain
+from updating.changes.fields import Fields, Vector, as_rows
 from updating.changes.structure import Part
 
 _REACH = np.array([0.0, 0.5, 1.0])
@@ -75,3 +77,36 @@ def at_clamps(
         extra=share_of,
         upper=upper,
     )
+
+
+def _share(clamps: Candidates, found: Vector) -> Vector:
+    """Return the share of the contact's stiffness that goes with an amplitude, which may go with the clamp's mass."""
+    return np.asarray(clamps.extra.reshape(-1, *(1,) * (found.ndim - 1)) * found)
+
+
+def _gone(clamps: Candidates, found: Vector) -> Vector:
+    """Return the share that is gone under the clamp."""
+    return gone(clamps, _share(clamps, found))
+
+
+KINDS = (
+    Kind(
+        name="loose_clamp",
+        label="a clamp that presses less",
+        quantity="share of the contact's stiffness under it that is gone",
+        why_not=needs_clamps,
+        candidates=partial(at_clamps, sign=-1.0, upper=1.5, rides=True),
+        on_plan=False,
+        value=_gone,
+        exact=_share,
+        whole=1.0,
+    ),
+    Kind(
+        name="tight_clamp",
+        label="a clamp that presses more",
+        quantity="share by which the contact under it is stiffer",
+        why_not=needs_clamps,
+        candidates=partial(at_clamps, sign=1.0, upper=5.0),
+        on_plan=False,
+    ),
+)

@@ -1,16 +1,16 @@
-"""What kinds share that are not local: one change all over the structure."""
+"""Contact of all interfaces, as by pressure that rose or fell everywhere, and other changes all over a structure."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from updating.changes.candidate import Candidates, plain
+from updating.changes.candidate import Candidates, Kind, needs_contact, plain
 from updating.changes.fields import Fields
-from updating.changes.kinds.held_edges import whole_edges
 from updating.changes.structure import Part
 
 
@@ -53,6 +53,23 @@ def all_over(
     return plain(location, shifted, upper=upper)
 
 
-def edges(fields: Fields) -> tuple[Part, ...]:
-    """Return each held edge as a whole, against moving and against turning."""
-    return tuple(part for _, _, part in whole_edges(fields))
+KINDS = (
+    Kind(
+        name="softer_contact",
+        label="less contact stiffness all over, as by less pressure",
+        quantity="share of it that is gone",
+        why_not=needs_contact,
+        candidates=partial(all_over, of=interfaces, sign=-1.0, upper=1.0),
+        on_plan=False,
+        local=False,
+    ),
+    Kind(
+        name="firmer_contact",
+        label="more contact stiffness all over, as by more pressure",
+        quantity="share by which it is stiffer",
+        why_not=needs_contact,
+        candidates=partial(all_over, of=interfaces, sign=1.0, upper=10.0),
+        on_plan=False,
+        local=False,
+    ),
+)

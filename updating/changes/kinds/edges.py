@@ -1,4 +1,4 @@
-"""What kinds share that change how an edge is held: the springs of its supports at points along it."""
+"""How an edge is held: more or less over a part of it, as by a bolt, gap or weld there, or all along, clamped anew."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from model.elements.mesh import Derivative, Field
 from model.elements.terms import held_motions
 from model.stack.parts import EdgeSupport
-from updating.changes.candidate import Candidates, at_heights, plain
+from updating.changes.candidate import Candidates, Kind, at_heights, gone, needs_supports, plain
 from updating.changes.fields import Fields
+from updating.changes.kinds.contact import all_over
 from updating.changes.structure import Part
 
 Vector = NDArray[np.float64]
@@ -154,11 +155,50 @@ def _merged(parts: list[Part]) -> list[Part]:
     return list(found.values())
 
 
-def whole_edges(fields: Fields) -> list[tuple[HeldEdge, str, Part]]:
-    """Return each held edge as a whole, against moving and against turning: by how much a logarithm changes it."""
-    make = partial(Part, target="K")
-    return [
-        (edge, what, make(rows=rows, weight=sp.csr_array(edge.weight[None, :])))
+def edges(fields: Fields) -> tuple[Part, ...]:
+    """Return each held edge as a whole, against moving and against turning."""
+    return tuple(
+        Part(rows=rows, target="K", weight=sp.csr_array(edge.weight[None, :]))
         for edge in held_edges(fields)
-        for what, rows in (("moving", edge.moving), ("turning", edge.turning))
-    ]
+        for rows in (edge.moving, edge.turning)
+    )
+
+
+KINDS = (
+    Kind(
+        name="softer_edge",
+        label="a held edge that gives way over a part of it",
+        quantity="share of what holds it that is gone",
+        why_not=needs_supports,
+        candidates=partial(on_edges, sign=-1.0, upper=3.0),
+        on_plan=False,
+        value=gone,
+        whole=1.0,
+    ),
+    Kind(
+        name="firmer_edge",
+        label="a held edge that is firmer over a part of it",
+        quantity="share by which it is held firmer",
+        why_not=needs_supports,
+        candidates=partial(on_edges, sign=1.0, upper=10.0),
+        on_plan=False,
+    ),
+    Kind(
+        name="softer_mounting",
+        label="an edge that is held less all along",
+        quantity="share of what holds it that is gone",
+        why_not=needs_supports,
+        candidates=partial(all_over, of=edges, sign=-1.0, upper=1.0),
+        on_plan=False,
+        local=False,
+    ),
+    Kind(
+        name="firmer_mounting",
+        label="an edge that is held more all along",
+        quantity="share by which it is held firmer",
+        why_not=needs_supports,
+        candidates=partial(all_over, of=edges, sign=1.0, upper=10.0),
+        on_plan=False,
+        local=False,
+    ),
+)
