@@ -4,9 +4,9 @@ from pathlib import Path
 
 from tests.studies import blind, pooled, slipping
 from tests.studies.blind_figures import figures, held_out_errors, mean_set_size
-from tests.studies.other_worlds import FIRST_OF_STACKS, RECORD, STACKS_RECORD, OtherCase, median_fall, stack_of
-from tests.studies.other_worlds import figures as figures_elsewhere
-from tests.studies.other_worlds import planned as planned_elsewhere
+from tests.studies.other_models import FIRST_OF_STACKS, RECORD, STACKS_RECORD, OtherCase, median_fall, stack_of
+from tests.studies.other_models import figures as figures_elsewhere
+from tests.studies.other_models import planned as planned_elsewhere
 from tests.studies.runner import recorded
 
 ROOT = Path(__file__).parents[2]
@@ -35,7 +35,7 @@ def test_the_figures_of_the_readme_are_of_the_record():
     assert set(found) <= set(known.values())  # names that several baselines have tell nothing apart
 
 
-def test_the_table_of_other_worlds_says_what_was_recorded():
+def test_the_table_of_other_models_says_what_was_recorded():
     text = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
     cases = recorded(RECORD, OtherCase)
     lines = text.splitlines()

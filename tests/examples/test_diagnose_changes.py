@@ -13,7 +13,7 @@ from updating.results.store import read_result
 from updating.results.what_changed import WhatChanged
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "recovery"))
-from plate_world import DENSITY, LENGTH, POISSON, THICKNESS, WIDTH, YOUNG, Edge, measured
+from reference_plate import DENSITY, LENGTH, POISSON, THICKNESS, WIDTH, YOUNG, Edge, measured
 
 pytestmark = pytest.mark.usefixtures("all_undrawn")
 EDGE = Edge(translation=1e7, rotation=3e3)

@@ -20,7 +20,7 @@ from tests.independent.effects import TABLE
 from tests.independent.layered import Layered
 from tests.independent.setups import SETUPS
 from tests.independent.solid import Solid
-from tests.recovery.other_worlds import simulated
+from tests.recovery.reference_models import simulated
 
 Key = tuple[str, str, int, str]
 """World, kind, seed and stack: what a case is drawn from."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tests.golden.record import Errors, Record
-from tests.studies.other_worlds import RECORD, STACKS_RECORD, OtherCase
+from tests.studies.other_models import RECORD, STACKS_RECORD, OtherCase
 from tests.studies.runner import recorded
 
 
 def published() -> Iterator[Record]:
     """Yield a record of each case of two files of `data/blind` whose measurement nothing disturbs.
 
-    They are `other_worlds.jsonl` of the shipped stack and `three_stacks.jsonl` of three in turn. A record has no value,
+    They are `other_models.jsonl` of the shipped stack and `three_stacks.jsonl` of three in turn. A record has no value,
     no fitted errors and no seconds, and the true effects were asked for there, so that they were fitted in any case.
     `cases.draw_case` draws the same case from seed, kind, world and stack.
     """

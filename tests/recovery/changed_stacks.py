@@ -22,7 +22,7 @@ from tests.independent.campaign import (
     tightened,
 )
 from tests.independent.campaign import _damped as damped
-from tests.recovery.other_worlds import modal_model
+from tests.recovery.reference_models import modal_model
 
 NAMES = ("R1", "R2", "S")
 

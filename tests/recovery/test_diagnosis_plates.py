@@ -17,7 +17,18 @@ from updating.fitting.fit import fit
 from updating.results.text import parameter_text
 
 sys.path.insert(0, str(Path(__file__).parent))
-from plate_world import DENSITY, LENGTH, POISSON, THICKNESS, WIDTH, YOUNG, Edge, grid_of_points, measured, plate_modes
+from reference_plate import (
+    DENSITY,
+    LENGTH,
+    POISSON,
+    THICKNESS,
+    WIDTH,
+    YOUNG,
+    Edge,
+    grid_of_points,
+    measured,
+    plate_modes,
+)
 
 CLAMPED = (EdgeSupport(edge="left", along=np.inf, across=np.inf, rotation=np.inf),)
 RIGID = Edge(translation=1e12, rotation=1e8)

@@ -10,7 +10,7 @@ from ema.identification.identify import identify_frf
 from ema.identification.run_tracking import linked, runs_apart
 from ema.modal.runs import run_changes
 from ema.quality.explained import explained_power
-from tests.recovery.drifting_world import GEOMETRY, N_SEEN, SHIFTS, drawn, measured
+from tests.recovery.drifting_structure import GEOMETRY, N_SEEN, SHIFTS, drawn, measured
 
 SETS = int(os.environ.get("SETS", "200"))
 NEAR = 0.01

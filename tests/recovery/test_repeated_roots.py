@@ -9,12 +9,12 @@ from ema.identification.doubtful_modes import check_references
 from ema.identification.identify import identify_frf
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
-from tests.recovery.symmetric_world import DAMPING, square_plate, stator_ring
+from tests.recovery.symmetric_structures import DAMPING, square_plate, stator_ring
 
 
-def identified(world, frf):
-    band = float(world.lines[0]), float(world.lines[-1])
-    return identify_frf(frf, world.geometry, name="symmetric", band=band, order=14)
+def identified(structure, frf):
+    band = float(structure.lines[0]), float(structure.lines[-1])
+    return identify_frf(frf, structure.geometry, name="symmetric", band=band, order=14)
 
 
 def subspace_mac(a, b):
@@ -23,15 +23,15 @@ def subspace_mac(a, b):
     return cosine.min() ** 2
 
 
-def worst_mac(world, model):
+def worst_mac(structure, model):
     """Least subspace MAC of true modes within 0.2 % of each other; 0 where their number is wrong."""
-    seen = np.flatnonzero(world.seen)
-    seen = seen[np.argsort(world.frequency[seen])]
+    seen = np.flatnonzero(structure.seen)
+    seen = seen[np.argsort(structure.frequency[seen])]
     if model.frequency.size != seen.size:
         return 0.0
-    first = np.flatnonzero(np.diff(world.frequency[seen], prepend=0.0) > 2e-3 * world.frequency[seen])
+    first = np.flatnonzero(np.diff(structure.frequency[seen], prepend=0.0) > 2e-3 * structure.frequency[seen])
     groups = np.split(np.arange(seen.size), first[1:])
-    return min(subspace_mac(world.shape[:, seen[g]], model.shape[:, g]) for g in groups)
+    return min(subspace_mac(structure.shape[:, seen[g]], model.shape[:, g]) for g in groups)
 
 
 @pytest.mark.parametrize(
@@ -44,81 +44,84 @@ def worst_mac(world, model):
     ],
 )
 def test_two_modes_of_one_frequency_are_found(make, split):
-    world = make(split)
-    model = identified(world, world.measured(np.random.default_rng(1)))
-    assert worst_mac(world, model) > 0.9999
-    np.testing.assert_allclose(model.frequency, np.sort(world.frequency[world.seen]), rtol=1e-5)
+    structure = make(split)
+    model = identified(structure, structure.measured(np.random.default_rng(1)))
+    assert worst_mac(structure, model) > 0.9999
+    np.testing.assert_allclose(model.frequency, np.sort(structure.frequency[structure.seen]), rtol=1e-5)
     np.testing.assert_allclose(model.damping, DAMPING, rtol=0.01)
     assert model.scaled.all()
     # whatever the rotation of both shapes, their sum of squares is the receptance at resonance
-    true = world.shape[:, world.seen] @ world.shape[:, world.seen].T
+    true = structure.shape[:, structure.seen] @ structure.shape[:, structure.seen].T
     np.testing.assert_allclose((model.shape @ model.shape.T).real, true, atol=0.01 * np.abs(true).max())
 
 
 def test_shapes_that_a_split_tells_are_those_of_the_modes():
-    world = stator_ring(5e-4)
-    model = identified(world, world.measured(np.random.default_rng(1)))
-    shape = world.shape[:, world.seen][:, np.argsort(world.frequency[world.seen])]
+    structure = stator_ring(5e-4)
+    model = identified(structure, structure.measured(np.random.default_rng(1)))
+    shape = structure.shape[:, structure.seen][:, np.argsort(structure.frequency[structure.seen])]
     for r in range(model.frequency.size):
         assert subspace_mac(shape[:, [r]], model.shape[:, [r]]) > 0.999
     assert np.all(model.shape_std.max(axis=0) < 0.1 * np.abs(model.shape).max(axis=0))
 
 
 def test_of_exactly_one_frequency_the_single_shapes_are_said_to_be_uncertain():
-    world = stator_ring()
-    model = identified(world, world.measured(np.random.default_rng(1)))
+    structure = stator_ring()
+    model = identified(structure, structure.measured(np.random.default_rng(1)))
     assert np.all(model.shape_std.max(axis=0) > 0.1 * np.abs(model.shape).max(axis=0))
 
 
 def test_driving_points_scale_shapes_that_are_not_orthogonal_over_the_points():
-    world = stator_ring()
-    kept = np.arange(len(world.shape)) < 8
-    world, frf = (replace(world, shape=world.shape[kept]), world.measured(np.random.default_rng(1)).outputs(kept))
-    model = identified(world, frf)
-    assert worst_mac(world, model) > 0.999
+    structure = stator_ring()
+    kept = np.arange(len(structure.shape)) < 8
+    structure, frf = (
+        replace(structure, shape=structure.shape[kept]),
+        structure.measured(np.random.default_rng(1)).outputs(kept),
+    )
+    model = identified(structure, frf)
+    assert worst_mac(structure, model) > 0.999
     assert model.scaled.all()
     for r in range(0, model.frequency.size, 2):
-        true = world.shape[:, r : r + 2] @ world.shape[:, r : r + 2].T
+        true = structure.shape[:, r : r + 2] @ structure.shape[:, r : r + 2].T
         found = (model.shape[:, r : r + 2] @ model.shape[:, r : r + 2].T).real
         np.testing.assert_allclose(found, true, atol=0.03 * np.abs(true).max())
 
 
 def test_without_a_driving_point_both_modes_are_found_unscaled():
-    world = square_plate(2e-4)
-    frf = world.measured(np.random.default_rng(1))
-    kept = np.ones(len(world.shape), dtype=bool)
-    kept[list(world.forces)] = False
-    model = identified(world, frf.outputs(kept))
-    assert worst_mac(replace(world, shape=world.shape[kept]), model) > 0.999
+    structure = square_plate(2e-4)
+    frf = structure.measured(np.random.default_rng(1))
+    kept = np.ones(len(structure.shape), dtype=bool)
+    kept[list(structure.forces)] = False
+    model = identified(structure, frf.outputs(kept))
+    assert worst_mac(replace(structure, shape=structure.shape[kept]), model) > 0.999
     assert not model.scaled.any()
 
 
 @pytest.mark.parametrize("error", [0.02, 0.05])
 def test_gains_that_are_not_exact_are_no_second_mode(error):
-    world = square_plate(0.13)
+    structure = square_plate(0.13)
     rng = np.random.default_rng(1)
-    frf = world.measured(rng)
+    frf = structure.measured(rng)
     gain = 1.0 + error * rng.standard_normal(frf.value.shape[:2])
-    model = identified(world, replace(frf, value=frf.value * gain[..., None]))
-    assert model.frequency.size == np.count_nonzero(world.seen)
+    model = identified(structure, replace(frf, value=frf.value * gain[..., None]))
+    assert model.frequency.size == np.count_nonzero(structure.seen)
 
 
 def test_a_mode_that_moves_from_force_to_force_is_one_mode_and_told():
-    world = square_plate(0.13)
-    frf = world.measured(np.random.default_rng(1))
-    moved = replace(world, frequency=1.0005 * world.frequency).measured(np.random.default_rng(2))
+    structure = square_plate(0.13)
+    frf = structure.measured(np.random.default_rng(1))
+    moved = replace(structure, frequency=1.0005 * structure.frequency).measured(np.random.default_rng(2))
     frf = replace(frf, value=np.stack([frf.value[:, 0], moved.value[:, 1]], axis=1))
-    model = identified(world, frf)
-    assert model.frequency.size == np.count_nonzero(world.seen)
+    model = identified(structure, frf)
+    assert model.frequency.size == np.count_nonzero(structure.seen)
     (verdict,) = check_references(frf, model)
     assert verdict.level == "warn"
     assert "differ from force to force: mode 1: " in verdict.message
 
 
 def test_forces_that_find_the_same_are_not_told_to_differ():
-    world = square_plate(0.13)
-    frf = world.measured(np.random.default_rng(1))
-    (verdict,) = check_references(frf, identified(world, frf))
+    structure = square_plate(0.13)
+    frf = structure.measured(np.random.default_rng(1))
+    (verdict,) = check_references(frf, identified(structure, frf))
     assert verdict.level == "pass"
 
 
@@ -150,10 +153,10 @@ def test_a_broad_mode_beside_a_narrow_one_stays_where_it_is():
 
 
 def test_one_force_is_left_as_it_was():
-    world = square_plate()
-    frf = world.measured(np.random.default_rng(1))
+    structure = square_plate()
+    frf = structure.measured(np.random.default_rng(1))
     one = replace(frf, value=frf.value[:, :1], input=Dofs(node=frf.input.node[:1], direction=frf.input.direction[:1]))
-    model = identified(world, one)
+    model = identified(structure, one)
     np.testing.assert_allclose(model.frequency, [80.0, 200.0, 320.0, 400.0, 520.0], rtol=1e-5)
     assert check_references(one, model) == ()
 
@@ -162,8 +165,8 @@ def test_one_force_is_left_as_it_was():
 @pytest.mark.parametrize("make", [square_plate, stator_ring])
 def test_share_of_sets_whose_modes_are_all_found(make, capsys):
     rng = np.random.default_rng(4)
-    worlds = [make(split) for split in 5e-4 * rng.uniform(size=30)] + [make()] * 10
-    found = [worst_mac(world, identified(world, world.measured(rng))) for world in worlds]
+    structures = [make(split) for split in 5e-4 * rng.uniform(size=30)] + [make()] * 10
+    found = [worst_mac(structure, identified(structure, structure.measured(rng))) for structure in structures]
     with capsys.disabled():
         print(f"\n{make.__name__}: all modes with a subspace MAC of 0.99 in {np.mean(np.array(found) > 0.99):.3f}")
     assert np.mean(np.array(found) > 0.99) >= 0.98

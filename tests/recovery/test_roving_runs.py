@@ -5,7 +5,7 @@ import pytest
 
 from ema.identification.identify import identify_frf
 from ema.modal.runs import run_changes
-from tests.recovery.roving_world import BAND, DAMPING, FORCE, GEOMETRY, N_SEEN, RUN, measured, modes
+from tests.recovery.roving_structure import BAND, DAMPING, FORCE, GEOMETRY, N_SEEN, RUN, measured, modes
 
 TRUE, SHAPE = (part[..., :N_SEEN] for part in modes())
 
@@ -16,11 +16,11 @@ def identified(frf, sensor_mass=0.0):
     return model, run_changes(model, RUN, sensors_rove=True)
 
 
-def study(seeds, **world):
+def study(seeds, **settings):
     """Which 95 % intervals of frequency and damping hold, and which sets have runs that are said to differ."""
     held, causes = [], []
     for seed in seeds:
-        model, changes = identified(measured(np.random.default_rng([31, seed]), **world))
+        model, changes = identified(measured(np.random.default_rng([31, seed]), **settings))
         off = [(model.frequency - TRUE) / model.frequency_std, (model.damping - DAMPING[:N_SEEN]) / model.damping_std]
         held.append(np.abs(off) < 1.96)
         causes.append(changes.cause)
@@ -37,12 +37,12 @@ def test_intervals_hold_with_noise_of_the_force_and_no_run_is_said_to_differ():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("world", [{}, {"force": 0.0}, {"force": 2e-2}])
-def test_coverage_and_false_findings(world, capsys):
-    held, causes = study(range(100), **world)
+@pytest.mark.parametrize("settings", [{}, {"force": 0.0}, {"force": 2e-2}])
+def test_coverage_and_false_findings(settings, capsys):
+    held, causes = study(range(100), **settings)
     false = 1.0 - causes.count("none") / len(causes)
     with capsys.disabled():
-        print(f"\n{world}: f, damping in 95 % intervals {held}, sets with a false finding {false:.2f}")
+        print(f"\n{settings}: f, damping in 95 % intervals {held}, sets with a false finding {false:.2f}")
     assert np.all((held > 0.92) & (held < 0.98))
     assert false <= 0.05
     assert "sensor mass" not in causes

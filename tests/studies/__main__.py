@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.independent.layered import Layered
-from tests.studies import blind, changes, corruptions, large_matrices, other_worlds, pooled, reduced_basis, slipping
+from tests.studies import blind, changes, corruptions, large_matrices, other_models, pooled, reduced_basis, slipping
 from tests.studies.blind_figures import figures
 
 Study = Callable[[int, Path], Sequence[str]]
@@ -20,9 +20,9 @@ def _rows(found: Any) -> list[str]:
 
 STUDIES: dict[str, tuple[Study, int]] = {
     "blind": (lambda n, file: _rows(figures(blind.study_of(blind.planned(full=True)[:n], file))), 134),
-    "other_worlds": (
+    "other_models": (
         lambda n, file: _rows(
-            other_worlds.figures(other_worlds.study_of(other_worlds.planned(n), "layered", file))
+            other_models.figures(other_models.study_of(other_models.planned(n), "layered", file))
         ),
         306,
     ),

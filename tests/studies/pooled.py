@@ -17,7 +17,7 @@ from tests.independent.bench import SecondModel
 from tests.independent.campaign import STACK, Plan
 from tests.independent.effects import TABLE, draw_strength
 from tests.independent.setups import SETUPS
-from tests.recovery.other_worlds import simulated
+from tests.recovery.reference_models import simulated
 from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.candidates import CandidateModel, candidate_model
 from updating.diagnosis.diagnosis import diagnose

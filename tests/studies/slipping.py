@@ -15,7 +15,7 @@ from ema.types.geometry import Geometry
 from model.effects.contact_slip import STRAIN
 from tests.independent.campaign import SHAKER, STACK
 from tests.independent.slipping_modes import BAND, STATE, SlippingTest, slipping_test
-from tests.recovery.other_worlds import modal_model
+from tests.recovery.reference_models import modal_model
 from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import CandidateModel, instruments_of

@@ -252,8 +252,8 @@ def test_each_step_has_its_fall():
         "Identified: clamp rotary inertia (clamp_inertia) together with moving mass at the shaker (stinger_mass). It "
     )
     assert text[1] == (
-        "Step by step: clamp rotary inertia (clamp_inertia) brings the mean frequency error from 20 % to 5.7 % (24 % "
-        "to 8.0 % where each mode is predicted from all others); moving mass at the shaker (stinger_mass) brings the "
+        "Step by step: clamp rotary inertia (clamp_inertia) lowers the mean frequency error from 20 % to 5.7 % (24 % "
+        "to 8.0 % where each mode is predicted from all others); moving mass at the shaker (stinger_mass) lowers the "
         "mean frequency error from 5.7 % to 1.0 % (8.0 % to 2.0 % where each mode is predicted from all others)."
     )
 
@@ -316,11 +316,11 @@ def test_errors_of_the_measurement_come_second():
     )
     assert sentences(diagnosis("nothing missing", mixed_up=both))[1:4] == (
         "In M1 and M2 the sensor at point 7 seems to have been turned over: check the campaign file. The answer takes "
-        "the points as put right.",
+        "the points as corrected.",
         "In M2 points 3 and 4 seem to have been exchanged: check the campaign file. The answer takes the points as put "
         "right.",
         "In M1 the sensor at point 5 seems to read 2.04 times what is there: check the campaign file. The answer takes "
-        "the points as put right.",
+        "the points as corrected.",
     )
 
 

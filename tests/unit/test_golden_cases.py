@@ -12,7 +12,7 @@ from tests.golden.comparison import compared, table
 from tests.golden.published import published
 from tests.golden.record import Errors, Record, Value, line, read
 from tests.independent.bench import BenchModes
-from tests.studies.other_worlds import FIRST_SEED
+from tests.studies.other_models import FIRST_SEED
 
 GONE = Errors(frequency=None, damping=None, left_out_frequency=None, left_out_damping=None)
 
@@ -89,7 +89,7 @@ def test_a_saved_case_is_read_back(quick, tmp_path):
     assert [own.meta for own in saved(tmp_path)] == [case.meta]
 
 
-def test_seeds_of_the_two_worlds_are_apart():
+def test_seeds_of_the_two_models_are_apart():
     seeds = [seed for world in WORLDS for _, _, seed, _ in planned(world)]
     assert len(set(seeds)) == len(seeds)
     assert all(seed >= FIRST["layered"] for seed in seeds)

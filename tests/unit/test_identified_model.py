@@ -9,7 +9,7 @@ import pytest
 
 from ema import Geometry
 from model import catalogue, find_effects, observe, read_stack, reduce, solve_modes
-from tests.recovery.other_worlds import modal_model
+from tests.recovery.reference_models import modal_model
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.diagnosis.explained_model import explained_stack

@@ -235,7 +235,7 @@ def _mixed_up(points: MixedUp) -> str:
         what = f"the sensor at point {points.node[0]} seems to have been turned over"
     else:
         what = f"the sensor at point {points.node[0]} seems to read {points.factor:.3g} times what is there"
-    return f"In {where} {what}: check the campaign file. The answer takes the points as put right."
+    return f"In {where} {what}: check the campaign file. The answer takes the points as corrected."
 
 
 def _way(diagnosis: Diagnosis) -> str:
@@ -248,7 +248,7 @@ def _way(diagnosis: Diagnosis) -> str:
             continue
         kind = telling(before, after)
         text = (
-            f"{named(diagnosis, added)} brings the mean {_ERRORS[kind]} from {percent(before.error(kind))} to "
+            f"{named(diagnosis, added)} lowers the mean {_ERRORS[kind]} from {percent(before.error(kind))} to "
             f"{percent(after.error(kind))}"
         )
         if np.isfinite([before.left_out(kind), after.left_out(kind)]).all():

@@ -34,7 +34,7 @@ class Part:
     parameter : tuple of ParameterEstimate
         With 95 % intervals; of shifts of what a file states or of contact parameters the ratio.
     log_odds : float
-        What it brings: logarithm of the odds of the explanation with it against the best without; NaN where that was
+        Its gain: logarithm of the odds of the explanation with it against the best without; NaN where that was
         not fitted.
     """
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
 
-from tests.recovery.symmetric_world import DAMPING, square_plate, stator_ring
+from tests.recovery.symmetric_structures import DAMPING, square_plate, stator_ring
 from tests.recovery.test_repeated_roots import identified, subspace_mac, worst_mac
 
 pytestmark = pytest.mark.benchmark
@@ -26,7 +26,7 @@ SPLITS = 0.0, 1e-4, 5e-4
 ORDER = 14
 
 
-def polypy(world, frf):
+def polypy(structure, frf):
     """Least subspace MAC of the pairs by PolyPy with two references, 0 where a pole is missing."""
     os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
@@ -34,7 +34,7 @@ def polypy(world, frf):
         import sdynpy
 
         output = sdynpy.coordinate_array(np.arange(1, len(frf.value) + 1), 3)[:, None]
-        forces = sdynpy.coordinate_array(np.array(world.forces) + 1, 3)[None]
+        forces = sdynpy.coordinate_array(np.array(structure.forces) + 1, 3)[None]
         dofs = np.stack(np.broadcast_arrays(output, forces), axis=-1)
         kind = sdynpy.data.FunctionTypes.FREQUENCY_RESPONSE_FUNCTION
         functions = sdynpy.data_array(kind, frf.frequency, np.array(frf.value), dofs)
@@ -42,7 +42,7 @@ def polypy(world, frf):
         model.compute_poles(np.arange(2, ORDER + 1))
         poles = model.pole_list[0]
     poles = poles[poles["zeta"] > 0]
-    true = np.sort(world.frequency[world.seen])
+    true = np.sort(structure.frequency[structure.seen])
     distance = np.abs(poles["omega"][:, None] / (2.0 * np.pi) / true - 1.0)
     row, column = linear_sum_assignment(distance)
     near = distance[row, column] < 2.0 * DAMPING
@@ -53,7 +53,7 @@ def polypy(world, frf):
         warnings.simplefilter("ignore")
         model.compute_shapes(own, real_modes=False)
     shape = model.shapes[output[:, 0]].T if hasattr(model.shapes, "coordinate") else model.shapes
-    real = world.shape[:, world.seen][:, np.argsort(world.frequency[world.seen])]
+    real = structure.shape[:, structure.seen][:, np.argsort(structure.frequency[structure.seen])]
     first = np.flatnonzero(np.diff(true, prepend=0.0) > 2e-3 * true)
     groups = np.split(np.arange(true.size), first[1:])
     return min(subspace_mac(real[:, g], shape[:, g]) for g in groups)
@@ -64,10 +64,10 @@ def test_pairs_of_modes(capsys):
     rows = []
     for make in (square_plate, stator_ring):
         for split in SPLITS:
-            world = make(split)
-            frfs = [world.measured(np.random.default_rng([45, seed])) for seed in range(SETS)]
-            mine = np.array([worst_mac(world, identified(world, frf)) for frf in frfs])
-            theirs = np.array([polypy(world, frf) for frf in frfs]) if peer else np.full(SETS, np.nan)
+            structure = make(split)
+            frfs = [structure.measured(np.random.default_rng([45, seed])) for seed in range(SETS)]
+            mine = np.array([worst_mac(structure, identified(structure, frf)) for frf in frfs])
+            theirs = np.array([polypy(structure, frf) for frf in frfs]) if peer else np.full(SETS, np.nan)
             rows.append((make.__name__, split, mine, theirs))
     with capsys.disabled():
         print(f"\n{SETS} sets each: pairs with a subspace MAC of 0.99, and its median")

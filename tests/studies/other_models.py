@@ -22,7 +22,7 @@ from tests.independent.effects import PRESSURE_REFERENCE, SAME, TABLE
 from tests.independent.layered import Layered
 from tests.independent.setups import SETUPS
 from tests.independent.solid import Solid
-from tests.recovery.other_worlds import simulated
+from tests.recovery.reference_models import simulated
 from tests.studies.runner import BLIND, Share, share, study
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import instruments_of
@@ -38,7 +38,7 @@ from updating.inference.explain import Explanation, errors_at
 from updating.inference.search import Search
 from updating.results.text import Z95
 
-RECORD = BLIND / "other_worlds.jsonl"
+RECORD = BLIND / "other_models.jsonl"
 """The cases of the published table."""
 STACKS_RECORD = RECORD.with_name("three_stacks.jsonl")
 """Those of three stacks in turn, with later rules."""
@@ -89,7 +89,7 @@ class OtherCase:
     steps : tuple of str
         Effects in the order in which they were added.
     mixed_up : int
-        Points that were put right.
+        Points that were corrected.
     before, after, best : (float, float)
         Left-out errors of frequencies and of damping ratios: base model, first named, true effects.
     alone : tuple of (float, float)
@@ -147,7 +147,7 @@ class OtherCase:
 
 
 @cache
-def _world(key: str) -> Solid | Layered:
+def _reference_model(key: str) -> Solid | Layered:
     return Solid() if key == "solid" else Layered()
 
 
@@ -155,7 +155,7 @@ def run(seed: int, kind: str, world: str, stack: str = "shipped") -> OtherCase:
     """Draw, simulate, diagnose and score one case."""
     with threadpool_limits(1, user_api="blas"):
         test = SETUPS[stack].draw(seed, kind, world)
-        made, tested = simulated(test, _world(world))
+        made, tested = simulated(test, _reference_model(world))
         stated = model.read_stack(test.stack)
         candidates = cached_model(stated, instruments_of(tested[0][2]), model.catalogue(), aids())
         truth = tuple(name for key in test.planted if (name := TABLE[key].catalogue) is not None)

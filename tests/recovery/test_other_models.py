@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.studies.other_worlds import (
+from tests.studies.other_models import (
     FIRST_OF_STACKS,
     OtherCase,
     figures,
@@ -13,7 +13,7 @@ from tests.studies.other_worlds import (
     study_of,
 )
 
-OUT, OUT_STACKS = "out/blind/other_worlds.jsonl", "out/blind/three_stacks.jsonl"
+OUT, OUT_STACKS = "out/blind/other_models.jsonl", "out/blind/three_stacks.jsonl"
 NUMBER, NUMBER_OF_STACKS = 306, 42
 
 
@@ -56,7 +56,7 @@ def test_a_strong_effect_leads_though_alone_it_is_fitted_elsewhere_at_first():
 
 
 @pytest.mark.blind
-def test_other_worlds(capsys, request):
+def test_other_models(capsys, request):
     """Every figure is printed; of false alarms no more are left than chance explains."""
     with capsys.disabled():
         cases = study_of(planned(NUMBER), "layered", request.config.rootpath / OUT)

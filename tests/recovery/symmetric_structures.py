@@ -14,7 +14,7 @@ DAMPING = 0.004
 
 
 @dataclass(frozen=True)
-class World:
+class SymmetricStructure:
     """Modes of a structure, mass-normalised shapes at its points, and what of it is measured."""
 
     frequency: np.ndarray  # (n_mode,), Hz
@@ -73,7 +73,7 @@ def square_plate(split=0.0):
     frequency = 40.0 * (order**2 @ sides)
     x, y = (axis.ravel() for axis in np.meshgrid(np.arange(1, 6) / 6.0, np.arange(1, 6) / 6.0))
     shape = np.sqrt(2.0) * np.sin(np.pi * np.outer(x, order[:, 0])) * np.sin(np.pi * np.outer(y, order[:, 1]))
-    return World(
+    return SymmetricStructure(
         frequency=frequency,
         shape=shape,
         coordinate=np.stack([x, y, 0 * x], axis=1),
@@ -91,7 +91,7 @@ def stator_ring(split=0.0, n_point=24):
     frequency = 60.0 * n * (n**2 - 1) / np.sqrt(n**2 + 1) * (1 + split * np.tile([-0.5, 0.5], n.size // 2))
     shape = np.cos(np.outer(angle, n) + turned) * np.sqrt(2 / (5.0 * (1 + n**-2.0)))
     radial = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    return World(
+    return SymmetricStructure(
         frequency=frequency,
         shape=shape,
         coordinate=0.1 * radial,
