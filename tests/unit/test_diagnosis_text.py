@@ -75,7 +75,7 @@ def mode_error(mode, base, explained=NAN):
 def diagnosis(verdict, *left, steps=(), **given):
     default = dict.fromkeys(Diagnosis.__dataclass_fields__, ()) | {
         "verdict": verdict,
-        "set": tuple(own.effects for own in left),
+        "set": tuple(one.effects for one in left),
         "labels": LABELS,
         "measurement": ("stated_pressure",),
         "confounded": {},
@@ -130,10 +130,10 @@ def test_a_discrepancy_that_a_laboratory_states_is_said_to_be_stated():
 
 
 def test_a_fault_of_the_measurement_is_no_physical_effect():
-    own = ranked(
+    one = ranked(
         "stated_pressure", error=0.01, left_out=NAN, parameters=[parameter("G_f[M1]", 1.2, "1", lower=1.1, upper=1.3)]
     )
-    found = diagnosis("identified", own)
+    found = diagnosis("identified", one)
     assert sentences(found)[0] == (
         "Not the model but the measurement: a pressure or torque stated wrongly (stated_pressure), pressure at M1 1.2 "
         "times the stated one (95 %: 1.1 to 1.3). It explains 78 % of the misfit. With it the mean frequency error "
@@ -158,8 +158,8 @@ def test_clamps_whose_mass_ends_at_its_bound_are_stated_too_heavy():
 
 def test_what_a_wrong_statement_does_as_well_is_said():
     assert confounded_in(["clamp_mass", "air_damping"], catalogue()) == {"clamp_mass": "the mass of the clamps"}
-    own = ranked("clamp_mass", parameters=[parameter("clamp_added_mass", 0.4)])
-    found = diagnosis("identified", own, confounded={"clamp_mass": "the mass of the clamps"})
+    one = ranked("clamp_mass", parameters=[parameter("clamp_added_mass", 0.4)])
+    found = diagnosis("identified", one, confounded={"clamp_mass": "the mass of the clamps"})
     assert (
         "Whether it is clamp mass or the mass of the clamps that the stack file states wrongly, no vibration test can "
         "tell: check the file first."
@@ -295,8 +295,8 @@ def test_a_measured_mode_that_the_model_lacks_is_named(verdict, left, end):
     ],
 )
 def test_what_is_left_at_a_point_is_told(given, text):
-    own = PointChange(node=12, log_odds=9.0, **given)
-    assert text in sentences(diagnosis("unlike anything", point_change=own))
+    one = PointChange(node=12, log_odds=9.0, **given)
+    assert text in sentences(diagnosis("unlike anything", point_change=one))
 
 
 def test_what_contradicts_the_measurement_comes_first():
@@ -317,8 +317,8 @@ def test_errors_of_the_measurement_come_second():
     assert sentences(diagnosis("nothing missing", mixed_up=both))[1:4] == (
         "In M1 and M2 the sensor at point 7 seems to have been turned over: check the campaign file. The answer takes "
         "the points as corrected.",
-        "In M2 points 3 and 4 seem to have been exchanged: check the campaign file. The answer takes the points as put "
-        "right.",
+        "In M2 points 3 and 4 seem to have been exchanged: check the campaign file. The answer takes the points as "
+        "corrected.",
         "In M1 the sensor at point 5 seems to read 2.04 times what is there: check the campaign file. The answer takes "
         "the points as corrected.",
     )
@@ -337,8 +337,8 @@ def test_errors_of_the_measurement_come_second():
     ],
 )
 def test_what_falls_is_said_and_nothing_else_is_said_to_fall(before, after, said):
-    base, own = ranked(**({"error": 0.2} | before)), ranked("clamp_mass", **after)
-    assert sentences(diagnosis("identified", own, ranking=(base, own)))[0].endswith(said)
+    base, one = ranked(**({"error": 0.2} | before)), ranked("clamp_mass", **after)
+    assert sentences(diagnosis("identified", one, ranking=(base, one)))[0].endswith(said)
 
 
 @pytest.mark.parametrize(
@@ -387,10 +387,10 @@ def test_what_falls_is_said_and_nothing_else_is_said_to_fall(before, after, said
     ],
 )
 def test_what_would_have_to_be_far_off_is_said_in_words(name, value, std, text):
-    own = Pulled(name=name, value=value, std=std)
-    assert pulled_text([own]) == [text]
-    assert f"Beware: {text}" in sentences(diagnosis("nothing missing", strained=(own,)))
-    assert f"Without it, {text}" in sentences(diagnosis("identified", STINGER, relieved=(own,)))
+    one = Pulled(name=name, value=value, std=std)
+    assert pulled_text([one]) == [text]
+    assert f"Beware: {text}" in sentences(diagnosis("nothing missing", strained=(one,)))
+    assert f"Without it, {text}" in sentences(diagnosis("identified", STINGER, relieved=(one,)))
 
 
 @pytest.mark.parametrize(
@@ -410,16 +410,16 @@ def test_what_was_stated_wrongly_is_said_in_words(name, value, unit, text):
 
 
 def test_a_parameter_at_the_end_of_its_range_makes_its_explanation_doubtful():
-    own = ranked("stinger_mass", error=0.01, parameters=[parameter(at_bound=True)])
+    one = ranked("stinger_mass", error=0.01, parameters=[parameter(at_bound=True)])
     assert (
         "Beware: stinger_moving_mass of moving mass at the shaker (stinger_mass) lies at the end of what is plausible, "
         "so that explanation is doubtful."
-    ) in sentences(diagnosis("identified", own, ranking=(BASE, own)))
+    ) in sentences(diagnosis("identified", one, ranking=(BASE, one)))
 
 
 def test_a_sensor_that_reads_otherwise_is_told():
     gains = (SensorGain(sensor=2, excess=-0.012, std=0.002), SensorGain(sensor=3, excess=0.004, std=0.002))
-    told = [own for own in sentences(diagnosis("nothing missing", sensor_gains=gains)) if "Sensor" in own]
+    told = [one for one in sentences(diagnosis("nothing missing", sensor_gains=gains)) if "Sensor" in one]
     assert told == [
         "Sensor 2 of each run reads 1.2 % lower than sensor 1 (95 %: ± 0.39 %): check its calibration. It is taken "
         "into account."
@@ -503,8 +503,8 @@ def test_quantities_are_read_in_units_of_their_size(value, unit, text):
 
 
 def test_the_ends_of_an_interval_are_in_the_unit_of_the_value():
-    own = parameter("clamp_added_mass", 1.0, "kg", lower=0.881, upper=1.13)
-    assert interval_text(own) == "clamp_added_mass = 1 kg (95 %: 0.881 kg to 1.13 kg)"
+    one = parameter("clamp_added_mass", 1.0, "kg", lower=0.881, upper=1.13)
+    assert interval_text(one) == "clamp_added_mass = 1 kg (95 %: 0.881 kg to 1.13 kg)"
     none = parameter("stinger_moving_mass", 0.0, "kg", lower=0.0, upper=0.002)
     assert interval_text(none) == "stinger_moving_mass = 0 g (95 %: 0 g to 2 g)"
 
@@ -553,7 +553,7 @@ def test_amplitudes_are_told_with_what_slip_makes_of_them():
         "makes the contact softer at a strain of 1e-05, which lies within that;"
     )
     assert "1e-05, which was not tested;" in sentences(diagnosis("identified", STINGER, contact=levels[:1]))[2]
-    linear = tuple(replace(own, softening=0.0) for own in levels)
+    linear = tuple(replace(one, softening=0.0) for one in levels)
     assert sentences(diagnosis("nothing missing", contact=linear))[1].endswith(
         "against each other; that it slips there is not said."
     )
@@ -573,7 +573,7 @@ def test_what_is_more_probable_than_the_answer_is_not_passed_over_in_silence():
     assert "By the odds alone, moving mass at the shaker (stinger_mass) would be the answer" in said
     assert "from 20 % to 19 % (24 % to 25 % where each mode is predicted from all others)" in said
     assert "It predicts other modes no better" in said
-    assert [own.effects for own in none.shown(1)] == [("stinger_mass",), ()]
+    assert [one.effects for one in none.shown(1)] == [("stinger_mass",), ()]
     beside = replace(ranked("clamp_inertia", "stinger_mass", error=0.056, left_out=0.06), log_odds=9.0)
     named = diagnosis("identified", INERTIA, ranking=(beside, INERTIA, BASE))
     assert "By the odds alone, moving mass at the shaker (stinger_mass) beside it" in " ".join(sentences(named))
