@@ -23,6 +23,7 @@ from updating.changes.kinds import kinds
 from updating.changes.kinds.edges import held_edges
 from updating.changes.refined import Condensed
 from updating.changes.scan import Actions, Measured, conditional, weigh
+from updating.changes.situation import _pairs
 from updating.inference.equation_error import equation_errors
 from updating.inference.protocol import Modal, State
 from updating.results.what_changed import KindOfChange
@@ -282,6 +283,14 @@ def test_what_the_reference_shares_cancels():
     rest, left, _ = conditional(np.array([3.0, 3.1]), covariance, np.array([False, True]))
     assert rest[0] == pytest.approx(0.1, abs=1e-3)
     assert left[0, 0] == pytest.approx(2e-4, rel=0.01)
+
+
+def test_of_two_modes_that_look_alike_the_nearer_one_is_the_same():
+    """A mode that sensors hardly see takes on the shape of the one that they see beside it."""
+    before = types.SimpleNamespace(weight=np.eye(3)[:2], eigenvalue=np.array([1.0, 4.0]))
+    for eigenvalue, beside in (([1.0, 4.1, 5.0], 2), ([1.0, 3.2, 3.9], 1)):
+        after = types.SimpleNamespace(weight=np.eye(3)[[0, 1, 1]], eigenvalue=np.array(eigenvalue))
+        assert beside not in _pairs(after, before)[0]
 
 
 def test_two_roving_accelerometers_that_read_otherwise_are_no_change():

@@ -16,6 +16,7 @@ from updating.changes.nodes import N_LOCATION, Nodes
 from updating.changes.reference import fit_matrices_reference
 from updating.changes.refined import Condensed
 from updating.changes.scan import Actions, Measured
+from updating.changes.situation import Situation
 from updating.diagnosis import evidence
 from updating.diagnosis.matrices_model import MatricesModel
 
@@ -59,6 +60,18 @@ def test_of_a_repeat_that_was_mounted_anew_nothing_is_named(reference, measured)
     assert found.verdict == "unchanged"
     assert found.left == ()
     assert "softer_patch" in found.impossible
+
+
+def test_what_is_held_otherwise_each_time_moves_frequencies_by_no_more_than_assembly_is_stated_to(reference, measured):
+    moved = {}
+    for stated in (1e-6, 1.0):
+        at = Situation(reference, [("same", np.nan, measured({}, seed=5))], stated)
+        weight = np.concatenate([own.weight.ravel() for own in at.joint.errors])
+        mode = np.repeat(np.arange(weight.size // at.ours.weight.shape[1]), at.ours.weight.shape[1])
+        own = np.where(mode[:, None] == mode, at.nuisance, 0.0)
+        moved[stated] = stated**2 * float(weight @ own @ weight) / (mode.max() + 1)  # mean square of eigenvalues
+    assert moved[1e-6] == pytest.approx(2e-12, rel=0.1)
+    assert 1e-6 < moved[1.0] < 1e-2  # as known of springs and temperature
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,7 @@ def what_changed(
     """
     assembly = Reassembly() if reassembly is None else reassembly
     stated = float(np.sqrt(2.0)) * assembly.frequency
-    at = Situation(reference, changed)
+    at = Situation(reference, changed, stated)
     every = kinds() if known is None else known
     impossible = {kind.name: why for kind in every if (why := kind.why_not(at.structure)) is not None}
     if np.isfinite(at.shift).all():
@@ -166,7 +166,7 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
     A kind that explains less than half of what another does is left as it is.
     """
     actions, (location, step) = Actions(at.ours), at.structure.locations()
-    error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
+    error, covariance, _ = conditional(at.joint.value, at.covariance(size, size), at.is_changed)
     root = la.cholesky(covariance, lower=True, check_finite=False)
     coarse = [(kind, candidates) for kind in every if (candidates := kind.candidates(at.structure, location)).n]
     batches = [
@@ -215,7 +215,7 @@ def _concluded(
     none, misfit, weighed = np.zeros(sizes.size), np.zeros(sizes.size), list[list[Weighed]]()
     problems = list[tuple[Vector, Vector]]()
     for g, size in enumerate(sizes.tolist()):
-        error, covariance, _ = conditional(at.joint.value, at.covariance(size), at.is_changed)
+        error, covariance, _ = conditional(at.joint.value, at.covariance(size, median), at.is_changed)
         root = la.cholesky(covariance, lower=True, check_finite=False)
         white = la.solve_triangular(root, error, lower=True, check_finite=False)
         misfit[g] = float(white @ white)
@@ -303,7 +303,7 @@ def _scatter(at: Situation, stated: float) -> float:
         return stated
     sizes, log = stated * _SIZES, []
     for size in sizes.tolist():
-        covariance = at.covariance(size)[np.ix_(~at.is_changed, ~at.is_changed)]
+        covariance = at.covariance(size, size)[np.ix_(~at.is_changed, ~at.is_changed)]
         root = la.cholesky(covariance, lower=True, check_finite=False)
         white = la.solve_triangular(root, at.joint.value[~at.is_changed], lower=True, check_finite=False)
         log.append(-0.5 * float(white @ white) - float(np.sum(np.log(np.diag(root)))))

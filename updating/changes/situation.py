@@ -19,6 +19,7 @@ from updating.diagnosis.evidence import Campaigned
 from updating.diagnosis.stack_model import n_gain
 from updating.errors import FitError
 from updating.inference.discrepancy import STIFFNESS
+from updating.inference.equation_error import Errors
 from updating.inference.protocol import Modal, State
 
 Vector = NDArray[np.float64]
@@ -55,9 +56,19 @@ FEWEST = 3
 
 
 class Situation:
-    """A state and its reference in the equations of one model."""
+    """A state and its reference in the equations of one model.
 
-    def __init__(self, reference: FittedReference, changed: Sequence[Campaigned]) -> None:
+    Parameters
+    ----------
+    reference : FittedReference
+        The reference.
+    changed : sequence of (str, float, ModalModel)
+        The state and its repeats.
+    stated : float
+        Size of the scatter between two assemblies that the campaign states.
+    """
+
+    def __init__(self, reference: FittedReference, changed: Sequence[Campaigned], stated: float) -> None:
         self.reference, self.changed = reference, changed
         beside, self.n_reference = reference.beside(changed), len(reference.tested)
         pairs = [_distinct(state, modal) for state, modal in zip(beside.states, beside.modals, strict=True)]
@@ -80,27 +91,40 @@ class Situation:
             scale=np.vstack([one.scale for one in ours]),
         )
         self.is_changed = self.joint.state >= self.n_reference
-        self.nuisance = self._nuisance()
+        self.nuisance = self._nuisance(stated)
         self.idealised = 0.0  # size of the scatter that a change brings which is none of the kinds exactly
 
-    def _nuisance(self) -> Vector:
-        """Return the covariance of errors by what is a little different in each assembly, (N, N)."""
+    def _nuisance(self, stated: float) -> Vector:
+        """Return the covariance of errors by what is a little different in each assembly, (N, N), at a scatter of 1.
+
+        What may differ is known as a most that workshops do: together it moves frequencies by no more than the campaign
+        states that assembly does.
+        """
         varied = self.reference.scattered(self.structure)
-        total = np.zeros((self.joint.value.size,) * 2)
+        total, squares = np.zeros((self.joint.value.size,) * 2), 0.0
         for c, measured in enumerate(self.measured):
             here = self.joint.state == c
             actions = Actions(measured)
             for part, std in varied:
                 at = actions.at_points(part)
-                change = std * (part.weight @ at.reshape(len(at), -1)).ravel()
+                change = std * (part.weight @ at.reshape(len(at), -1)).reshape(measured.scale.shape)
                 total[np.ix_(here, here)] += np.outer(change, change)
-        return total
+                squares += float(np.mean(np.sum(change * measured.weight, axis=1) ** 2)) / len(self.measured)
+        return np.asarray(total * min(1.0 / stated**2, 2.0 / squares))  # a scatter of 1 is of the root of 2
 
-    def covariance(self, size: float) -> Vector:
-        """Return the covariance of all errors at a size of the scatter between assemblies, (N, N)."""
+    def covariance(self, size: float, known: float) -> Vector:
+        """Return the covariance of all errors, (N, N), where assembly scatters.
+
+        Parameters
+        ----------
+        size : float
+            Of the random perturbation of everything.
+        known : float
+            Of what is known to be a little different each time: it acts on all modes alike, as one of these alone may.
+        """
         common = max(self.reference.fit.evidence.sizes.stiffness, size, STIFFNESS.median)
         joint = self.joint
-        total = common**2 * joint.common + size**2 * joint.each + self.nuisance + joint.noise
+        total = common**2 * joint.common + size**2 * joint.each + known**2 * self.nuisance + joint.noise
         here = np.ix_(self.is_changed, self.is_changed)
         total[here] += self.idealised**2 * joint.each[here]
         return np.asarray(total)
@@ -144,7 +168,7 @@ class Situation:
         for error, value in zip(self.joint.errors[n:], values[n:], strict=True):
             each = np.full((n, value.size), np.nan)
             for c, (other, reference) in enumerate(zip(self.joint.errors[:n], values[:n], strict=True)):
-                row, column = _pairs(np.abs(error.weight @ other.weight.T))
+                row, column = _pairs(error, other)
                 each[c, row] = np.log(reference[column])
             seen = np.isfinite(each).any(axis=0)
             mean = np.full(value.size, np.nan)
@@ -191,7 +215,7 @@ def _known(
         keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
         keep |= np.max([_within(error.weight, other.weight) for other in joint.errors[:n_reference]], axis=0) > REACHED
         for r in np.flatnonzero(keep & unseen):
-            keep[r] = any(r in _pairs(one)[0] for one in alike)
+            keep[r] = any(r in _pairs(error, other)[0] for other in joint.errors[:n_reference])
         if not keep.all():
             states[c], modals[c] = _only(states[c], modals[c], np.flatnonzero(keep))
             shorter = True
@@ -209,9 +233,15 @@ def _motion(modal: Modal) -> Vector:
     return np.asarray(size / np.median(size))
 
 
-def _pairs(alike: Vector) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return which modes of two states are the same, one for one, by the cosines between their modal coordinates."""
-    row, column = scipy.optimize.linear_sum_assignment(alike, maximize=True)
+def _pairs(one: Errors, other: Errors) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return which modes of two states are the same, one for one.
+
+    The cosines between their modal coordinates say so; of two that have the same shape, such as a mode beside one that
+    sensors hardly see, the nearer one is it.
+    """
+    alike = np.abs(one.weight @ other.weight.T)
+    apart = np.abs(np.log(one.eigenvalue[:, None] / other.eigenvalue)) / 2.0
+    row, column = scipy.optimize.linear_sum_assignment(alike - apart, maximize=True)
     good = alike[row, column] > SAME
     return row[good], column[good]
 
