@@ -2,7 +2,8 @@
 
 G_yz = r G_xz: grinding and rolling leave grooves along x.
 
-Enters: tangential contact stiffness and damping in y, times (r - 1); affine.
+Enters: tangential contact stiffness and damping in y, times (r - 1) under
+    every pressure field and power law (see `contact_change`); affine.
 Range: r from 0.4 to 2.5.
 Does: r = 0.75 lowers T2 by 3 % at low and 1 % at high torque and T1 by 0.4 %, and leaves bending, which
     shears x-z only. (Demo stack, nominal strength.)
@@ -14,13 +15,13 @@ from __future__ import annotations
 from typing import Any
 
 from model.contact.contact import contact_fields
-from model.effects.parts import again
+from model.effects.parts import again, contact_law
 from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import Effect, Parameter
 
 
 def _change(t: Theta) -> Any:
-    return t["G_yz_ratio"] - 1.0
+    return (t["G_yz_ratio"] - 1.0) * contact_law(t)
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

@@ -10,13 +10,14 @@ Mistaken for: a lower G_f; often not visible at all.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from model.contact.contact import contact_fields
-from model.effects.parts import again
-from model.elements.equations import Assembly, Term, Theta
+from model.contact.contact import ContactQuantity, contact_fields
+from model.effects.parts import contact_change
+from model.elements.equations import Assembly, Kron, Term, Theta
 from model.stack.effect import Effect, Parameter
 
 
@@ -24,27 +25,16 @@ def _change(t: Theta) -> Any:
     return t["height_excess"]
 
 
-def _twice(t: Theta) -> Any:
-    return 2.0 * t["height_excess"]
-
-
-def _squared(t: Theta) -> Any:
-    return t["height_excess"] ** 2
-
-
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the change over the interfaces."""
     field = contact_fields(assembly.stack, assembly.plan)
     share = np.linspace(-1.0, 1.0, assembly.stack.n_lamina - 1)
-    stiffness = field["pressure"].over_interfaces(share).tangential()
-    damping = field["pressure squared"].over_interfaces(share).tangential()
-    squared = field["pressure squared"].over_interfaces(share**2).tangential()
-    base, name = "tangential contact damping", "height_gradient damping"
-    return (
-        again(assembly, "tangential contact", "height_gradient", _change, krons=stiffness),
-        again(assembly, base, name, _twice, krons=damping),
-        again(assembly, base, f"{name}, squared", _squared, krons=squared),
-    )
+
+    def krons(of: ContactQuantity, power: int) -> Callable[[str], tuple[Kron, ...]]:
+        return lambda axes: field[of].over_interfaces(share**power).tangential(axes=axes)
+
+    damping = (krons("pressure squared", 1), krons("pressure squared", 2))
+    return contact_change(assembly, "height_gradient", _change, krons("pressure", 1), damping)
 
 
 EFFECT = Effect(

@@ -16,6 +16,7 @@ from model.contact.contact import contact_fields
 from model.elements.equations import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
 from model.elements.mesh import FIELDS, Derivative, Field
 from model.elements.terms import footprint_points, height_shares
+from model.stack.effect import PRESSURE_REFERENCE
 from model.stack.errors import EffectError
 from model.stack.parts import Clamp, Instruments
 from model.stack.stack import Stack
@@ -297,16 +298,97 @@ def everywhere(t: Theta) -> Any:  # noqa: ARG001
     return 1.0
 
 
-def _once(t: Theta, name: str, share: Callable[[Theta], Any]) -> Any:
-    return t[name] * share(t)
+Krons = Callable[[str], tuple[Kron, ...]]
+"""From the axes of slip, "xy" or "y", to the products of a field of the contact."""
 
 
-def _twice(t: Theta, name: str, share: Callable[[Theta], Any]) -> Any:
-    return 2.0 * t[name] * share(t)
+def contact_change(
+    assembly: Assembly,
+    name: str,
+    change: Callable[[Theta], Any],
+    stiffness: Krons,
+    damping: tuple[Krons, Krons],
+    share: Callable[[Theta], Any] = everywhere,
+) -> tuple[Term, ...]:
+    """Return the terms of tangential contact under a pressure p (1 + a f) in place of p, under every contact law.
+
+    The modulus follows p**n with the exponent n of `pressure_exponent`, the product of modulus and d_f p that loses
+    energy p**(n + 1), and along y the ratio of `contact_direction` multiplies both. The powers are taken as linear, and
+    as quadratic, in f, right where f is 0 or -1.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Equations of motion without effects.
+    name : str
+        What the terms are called.
+    change : callable
+        From the parameters to the amplitude a.
+    stiffness : callable
+        The stiffness with the field f.
+    damping : (callable, callable)
+        The damping with f and with its square.
+    share : callable
+        From the parameters to the share of all this that acts, 0 to 1, of what may act at several locations.
+    """
+    parts = (
+        ("tangential contact", f"{name} stiffness", _first, stiffness),
+        ("tangential contact damping", f"{name} damping", _twice, damping[0]),
+        ("tangential contact damping", f"{name} damping, squared", _squared, damping[1]),
+    )
+    return tuple(
+        term
+        for base, called, factor, krons in parts
+        for term in under_laws(
+            assembly, base, called, partial(_share_of, of=partial(factor, of=change), share=share), krons
+        )
+    )
 
 
-def _squared(t: Theta, name: str, share: Callable[[Theta], Any]) -> Any:
-    return t[name] ** 2 * share(t)
+def under_laws(
+    assembly: Assembly, base: str, name: str, change: Callable[[Theta], Any], krons: Krons
+) -> tuple[Term, ...]:
+    """Return a part of the contact that changes, under the laws that change all of it: a power, a ratio along y."""
+    terms = (again(assembly, base, name, partial(_under_power, of=change), krons=krons("xy")),)
+    if "G_yz_ratio" not in assembly.stack.effect_values:
+        return terms
+    return (*terms, again(assembly, base, f"{name} along y", partial(_along_y, of=change), krons=krons("y")))
+
+
+def _power(t: Theta) -> Any:
+    return t.get("exponent", 1.0)
+
+
+def contact_law(t: Theta) -> Any:
+    """Return the factor of the contact's modulus by the power of `pressure_exponent`."""
+    if "exponent" not in t:
+        return 1.0
+    return np.exp((t["exponent"] - 1.0) * np.log(t["pressure"] / PRESSURE_REFERENCE))
+
+
+def _left(lost: Any, power: Any) -> Any:
+    """Return what is left of a power of the pressure where a share of it is lost."""
+    return (1.0 - lost) ** power
+
+
+def _first(t: Theta, of: Callable[[Theta], Any]) -> Any:
+    return 1.0 - _left(of(t), _power(t))
+
+
+def _twice(t: Theta, of: Callable[[Theta], Any]) -> Any:
+    return (_power(t) + 1.0) * of(t)
+
+
+def _squared(t: Theta, of: Callable[[Theta], Any]) -> Any:
+    return _left(of(t), _power(t) + 1.0) - 1.0 + (_power(t) + 1.0) * of(t)
+
+
+def _under_power(t: Theta, of: Callable[[Theta], Any]) -> Any:
+    return contact_law(t) * of(t)
+
+
+def _along_y(t: Theta, of: Callable[[Theta], Any]) -> Any:
+    return (t["G_yz_ratio"] - 1.0) * contact_law(t) * of(t)
 
 
 def pressure_change(
@@ -318,7 +400,7 @@ def pressure_change(
 ) -> tuple[Term, ...]:
     """Return the terms of a pressure p (1 + a f(x, y)) in place of p, with the amplitude a.
 
-    The shear modulus G_f p and the damping d_f p change with it; the normal modulus stays.
+    The shear modulus and the damping of the contact change with it (see `contact_change`); the normal modulus stays.
 
     Parameters
     ----------
@@ -337,19 +419,26 @@ def pressure_change(
     x, y = plan.quadrature_points
     f = centred(shape(x, y), np.asarray(plan.membrane.dx), shape(*plan.membrane.mesh.p))
     field = contact_fields(assembly.stack, plan)
-
-    change, twice, squared = (partial(part, name=amplitude, share=share) for part in (_once, _twice, _squared))
-    pressure, square_of_it = field["pressure"].tangential(f), field["pressure squared"]
-    mixed = field["pressure times normal"].normal(f)
-    damping = f"{effect} damping"
-    return (
-        again(assembly, "tangential contact", f"{effect} stiffness", change, krons=pressure),
-        again(assembly, "tangential contact damping", damping, twice, krons=square_of_it.tangential(f)),
-        again(
-            assembly, "tangential contact damping", f"{damping}, squared", squared, krons=square_of_it.tangential(f**2)
-        ),
-        again(assembly, "normal contact damping", f"{effect} normal damping", change, krons=mixed),
+    change = partial(_value, name=amplitude)
+    tangential = contact_change(
+        assembly,
+        effect,
+        change,
+        partial(field["pressure"].tangential, f),
+        (partial(field["pressure squared"].tangential, f), partial(field["pressure squared"].tangential, f**2)),
+        share,
     )
+    normal = partial(_share_of, of=change, share=share)
+    mixed = field["pressure times normal"].normal(f)
+    return (*tangential, again(assembly, "normal contact damping", f"{effect} normal damping", normal, krons=mixed))
+
+
+def _value(t: Theta, name: str) -> Any:
+    return t[name]
+
+
+def _share_of(t: Theta, of: Callable[[Theta], Any], share: Callable[[Theta], Any]) -> Any:
+    return of(t) * share(t)
 
 
 @lru_cache(maxsize=128)

@@ -4,8 +4,8 @@ G = G_f p_ref (p / p_ref)^n with p_ref = 160 kPa. Rough surfaces that slip on as
 below 1.
 
 Enters: tangential contact stiffness and damping, times (p / p_ref)^(n - 1). Not affine in n: under uniform
-    pressure one matrix with an exact factor; under uneven pressure the mean pressure's power is taken and the
-    field's shape kept.
+    pressure one matrix with an exact factor; under the stated field of pressure the mean's power is taken and the
+    field's shape kept; what an effect takes of the pressure follows the power (see `contact_change`).
 Range: n from 0.2 to 1.3; 1/3 to 1 for rough and Hertzian contacts (Greenwood and Williamson 1966; Mindlin
     1949).
 Does: nothing at p_ref that G_f cannot do; at twice the pressure T1, B1 and B2 are 15 % and T2 7 % lower than

@@ -11,15 +11,21 @@ Mistaken for: a lower G_f; often not visible.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from model.contact.contact import contact_fields
-from model.effects.parts import again
-from model.elements.equations import Assembly, Term, Theta
+from model.contact.contact import ContactField, ContactQuantity, contact_fields
+from model.effects.parts import under_laws
+from model.elements.equations import Assembly, Kron, Term, Theta
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
+
+_PARTS: tuple[tuple[str, str, ContactQuantity], ...] = (
+    ("tangential contact", "soft_interlayers", "pressure"),
+    ("tangential contact damping", "soft_interlayers damping", "pressure squared"),
+)
 
 
 def _change(t: Theta) -> Any:
@@ -34,11 +40,15 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     field = contact_fields(assembly.stack, assembly.plan)
     share = np.zeros(n)
     share[[n // 3, (2 * n) // 3]] = 1.0
-    stiffness, damping = (field[name].over_interfaces(share).tangential() for name in ("pressure", "pressure squared"))
-    return (
-        again(assembly, "tangential contact", "soft_interlayers", _change, krons=stiffness),
-        again(assembly, "tangential contact damping", "soft_interlayers damping", _change, krons=damping),
+    return tuple(
+        term
+        for base, name, of in _PARTS
+        for term in under_laws(assembly, base, name, _change, partial(_krons, field[of].over_interfaces(share)))
     )
+
+
+def _krons(field: ContactField, axes: str) -> tuple[Kron, ...]:
+    return field.tangential(axes=axes)
 
 
 EFFECT = Effect(

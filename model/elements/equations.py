@@ -84,6 +84,11 @@ class _Recorded(dict[str, Any]):
         self.asked.add(name)
         return super().__getitem__(name)
 
+    def get(self, name: str, default: Any = None) -> Any:
+        if name in self:
+            self.asked.add(name)
+        return super().get(name, default)
+
 
 class Analytic:
     """A factor that is an analytic function of the parameters, with derivatives by a complex step.

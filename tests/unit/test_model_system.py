@@ -117,6 +117,36 @@ def test_parameters_that_act_over_the_plan_alone_shape_no_functions_of_z():
     assert shaping(assembly, ("G_f", "density")) == {"G_f"}
 
 
+FIELDS_OF_PRESSURE = ("lost_contact_middle", "height_gradient", "soft_interlayers")
+LOST = {"middle_loss": 0.6, "height_excess": 0.3, "interlayer_loss": 0.2}
+
+
+def stiffness_times(stack, vector, **values):
+    assembly = model.assemble(stack)
+    return assembly.apply(assembly.krons("K", {**assembly.theta, **values}), vector[:, None])
+
+
+def test_a_ratio_along_y_acts_on_what_is_left_of_the_pressure():
+    """Without stiffness along y, sheets that slide along y feel nothing of a pressure that is lost somewhere."""
+    stack = STACK.with_effects(*model.find_effects(["contact_direction", *FIELDS_OF_PRESSURE]))
+    assembly = model.assemble(stack)
+    sliding = np.zeros(assembly.size)
+    sliding[assembly.slices()["v"]] = np.random.default_rng(0).standard_normal(assembly.plan.size("v") * 8)
+    free = stiffness_times(stack, sliding, G_yz_ratio=0.0)
+    np.testing.assert_allclose(
+        stiffness_times(stack, sliding, G_yz_ratio=0.0, **LOST), free, atol=1e-10 * abs(free).max()
+    )
+    assert abs(stiffness_times(stack, sliding, **LOST) - stiffness_times(stack, sliding)).max() > 1e-3 * abs(free).max()
+
+
+def test_a_power_of_0_knows_no_pressure():
+    stack = STACK.with_effects(*model.find_effects(["pressure_exponent", "lost_contact_middle"]))
+    vector = np.random.default_rng(0).standard_normal(model.assemble(stack).size)
+    even = stiffness_times(stack, vector, exponent=0.0)
+    lost = stiffness_times(stack, vector, exponent=0.0, middle_loss=0.6)
+    np.testing.assert_allclose(lost, even, atol=1e-10 * abs(even).max())
+
+
 def test_rigid_body_motion_has_no_strain_energy():
     stack = dataclasses.replace(STACK, clamps=())
     assembly = uneven(stack)
