@@ -30,13 +30,12 @@ from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.evidence import assemble_evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.fit_settings import coordinate_of
-from updating.diagnosis.ranking import estimates, log_ratios, sizes_of
+from updating.diagnosis.ranking import log_ratios, sizes_of
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.decide import decide
 from updating.inference.discrepancy import whitened
 from updating.inference.explain import Explanation, errors_at
 from updating.inference.search import Search
-from updating.results.text import Z95
 
 RECORD = BLIND / "other_models.jsonl"
 """The cases of the published table."""
@@ -273,13 +272,15 @@ def _value(key: str, planted: float) -> float:
 
 
 def _covered(of: StackModel, true: Explanation, planted: dict[str, dict[str, float]]) -> tuple[bool, ...]:
-    hits, fitted = [], {p.name: p for p in estimates(of, true)}
+    """Return whether 90 % intervals hold the truth; in the coordinates of the fit, in which they are symmetric."""
+    number = {c.name: i for i, c in enumerate(true.coordinates)}
+    hits = []
     for key, values in planted.items():
         for name, value in values.items() if key in SAME else ():
-            own = fitted.get(PARAMETER.get(key, {}).get(name, ""))
-            if own is not None and not own.at_bound:
-                half = Z90 / Z95 * 0.5 * (own.upper - own.lower)
-                hits.append(bool(abs(_value(key, value) - 0.5 * (own.upper + own.lower)) <= half))
+            i = number.get(PARAMETER.get(key, {}).get(name, ""))
+            if i is not None and not true.at_bound[i]:
+                at = coordinate_of(of.parameters[true.coordinates[i].name], _value(key, value))
+                hits.append(bool(abs(at - true.x[i]) <= Z90 * true.std[i]))
     return tuple(hits)
 
 
