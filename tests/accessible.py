@@ -35,7 +35,7 @@ def faults(page, *rules):
     page.evaluate((files(axe) / "axe.min.js").read_text(encoding="utf-8"))
     asked = {"resultTypes": ["violations"], **({"runOnly": list(rules)} if rules else {})}
     found = page.evaluate("(asked) => axe.run(document, asked)", asked)["violations"]
-    return [(own["id"], own["nodes"][0]["html"][:200]) for own in found if own["impact"] in ("serious", "critical")]
+    return [(one["id"], one["nodes"][0]["html"][:200]) for one in found if one["impact"] in ("serious", "critical")]
 
 
 def unreached(page, root="body"):

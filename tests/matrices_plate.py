@@ -68,8 +68,8 @@ def plate_test(
     for target, place, directions, value in added:
         node = structure.node[np.argmin(np.linalg.norm(structure.location - 1e-3 * np.array(place), axis=1))]
         for direction in directions:
-            own = (structure.node == node) & (structure.dof == "xyz".index(direction) + 1)
-            i = int(np.flatnonzero(own)[0])
+            one = (structure.node == node) & (structure.dof == "xyz".index(direction) + 1)
+            i = int(np.flatnonzero(one)[0])
             matrix[target][i, i] += value
     square, vector = sla.eigsh(
         sp.csc_matrix(matrix["K"]), 14, sp.csc_matrix(matrix["M"]), sigma=-1e4, v0=np.ones(structure.node.size)

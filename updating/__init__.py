@@ -17,17 +17,17 @@ def require_own_packages() -> None:
     ImportError
         Python finds another one first; the message says where it is, and what to do.
     """
-    own = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[1]
     for name in ("ema", "model"):
         found = find_spec(name)
         if found is None or found.origin is None:
-            place = "nothing"
-        elif Path(found.origin).resolve().parent == own / name:
+            where = "nothing"
+        elif Path(found.origin).resolve().parent == root / name:
             continue
         else:
-            place = found.origin
+            where = found.origin
         raise ImportError(
-            f"Lamella needs its package {name!r}, which is in {own / name}, but Python finds {place}. Rename or move "
+            f"Lamella needs its package {name!r}, which is in {root / name}, but Python finds {where}. Rename or move "
             "that file or folder, start from another folder, or take its folder out of PYTHONPATH; of two installed "
             "packages of one name keep Lamella in an environment of its own"
         )

@@ -73,8 +73,8 @@ def deck(
     place = {n: (i * LENGTH / n_x / 2, j * WIDTH / n_y / 2, k * THICKNESS / 2) for (i, j, k), n in number.items()}
     root = [n for (i, _, _), n in number.items() if i == 0]
     lines = ["*NODE, NSET=ALL", *(f"{n}, {x:.6g}, {y:.6g}, {z:.6g}" for n, (x, y, z) in place.items())]
-    for name, own in solids.items():
-        lines += [f"*ELEMENT, TYPE=C3D20R, ELSET={name}", *own]
+    for name, one in solids.items():
+        lines += [f"*ELEMENT, TYPE=C3D20R, ELSET={name}", *one]
     lines += ["*NSET, NSET=ROOT", *(f"{n}," for n in root)]
     lines += ["*NSET, NSET=TOP", *(f"{n}," for (i, j, k), n in number.items() if k == 2 and i % 2 == j % 2 == 0)]
     for name, factor in (("INNER", 1.0), ("STRIP", outer)):
@@ -121,9 +121,9 @@ def simulated(folder: Path) -> None:
     rng = np.random.default_rng(67)
     omega = measured("plate", free + sp.diags_array(root * spring), mass, rows, rng)
     for state, springs in MOUNTED.items():
-        own = free + sp.diags_array(root * spring * springs / TRUTH["springs"])
+        one = free + sp.diags_array(root * spring * springs / TRUTH["springs"])
         more = bolted(CHANGE["at_mm"], CHANGE["added_kg"]) if state == CHANGE["state"] else 0.0 * mass
-        measured(state, own, mass + more, rows, rng)
+        measured(state, one, mass + more, rows, rng)
     (HERE / "points.csv").write_text(
         "node,x,y,z\n" + "".join(f"{n + 1},{x:g},{y:g},{THICKNESS:g}\n" for n, (x, y) in enumerate(SENSOR_MM))
     )

@@ -17,8 +17,8 @@ from updating.diagnosis.cached_model import cached_model
 DATA = Path(ema.__file__).parents[1] / "data"
 campaign = ema.read_campaign(DATA / "hidden_effect/b/campaign.toml")
 tested = [
-    (own.name, own.pressure, found.modal_model)
-    for own, found in zip(campaign.configurations, ema.identify(campaign), strict=True)
+    (one.name, one.pressure, found.modal_model)
+    for one, found in zip(campaign.configurations, ema.identify(campaign), strict=True)
 ]
 
 # %%

@@ -17,12 +17,12 @@ from updating.pooled.diagnosis import diagnose_specimens
 DATA = Path(model.__file__).parents[1] / "data"
 campaign = read_specimens(DATA / "hidden_effect/pooled_b/campaign.toml")
 specimens = specimens_of(campaign, {}.__getitem__)  # none has to be identified first
-[(own.name, dict(own.notes)) for own in specimens]
+[(one.name, dict(one.notes)) for one in specimens]
 
 # %%
 # Each effect is tried as the rig's, as a group's, as one specimen's and as each specimen's own. ``lamella diagnose``
 # tries the whole catalogue on the full mesh; two effects on a coarse one will do to see how it goes.
-coarse = [replace(own, stack=replace(own.stack, mesh=model.Mesh(n_x=10, n_y=3))) for own in specimens]
+coarse = [replace(one, stack=replace(one.stack, mesh=model.Mesh(n_x=10, n_y=3))) for one in specimens]
 tried = {name: model.catalogue()[name] for name in ("pressure_exponent", "clamp_mass")}
 found = diagnose_specimens(campaign.name, coarse, tried)
 print("\n".join(found.sentences))
@@ -35,7 +35,7 @@ from matplotlib.figure import Figure
 
 from ema.plot import palette
 
-base = next(own for own in found.ranking if not own.parts)
+base = next(one for one in found.ranking if not one.parts)
 figure = Figure(figsize=(7.0, 3.0), layout="constrained")
 axes = figure.subplots()
 for shift, own, label, color in (

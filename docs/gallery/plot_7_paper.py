@@ -84,7 +84,7 @@ system = model.reduce(stack, ranges={"clamp_roll_inertia": (0.0, 0.005)})
 given = {"G_f": 1.3 * stack.contact.G_f, "d_f": stack.contact.d_f, "parameters": roll}
 modes = model.solve_modes(system, n_mode=14, observation=class_grid(stack), **given)
 name = shape_classes(modes)
-for r in (name.index(own) for own in ("bending 2", "bending 3", "torsion 2")):
+for r in (name.index(one) for one in ("bending 2", "bending 3", "torsion 2")):
     print(f"{name[r]}: {modes.frequency[r]:.0f} Hz, bandwidth {2 * modes.damping[r] * modes.frequency[r]:.0f} Hz")
 
 # %%

@@ -17,10 +17,10 @@ import model
 DATA = Path(model.__file__).parents[1] / "data"
 campaigns = {name: ema.read_campaign(DATA / f"hidden_effect/{name}/campaign.toml") for name in ("change_a", "change_b")}
 modes = {
-    name: {own.modal_model.name: own.modal_model for own in ema.identify(campaign)}
+    name: {one.modal_model.name: one.modal_model for one in ema.identify(campaign)}
     for name, campaign in campaigns.items()
 }
-[(name, [float(f.round(1)) for f in own["before"].frequency]) for name, own in modes.items()]
+[(name, [float(f.round(1)) for f in one["before"].frequency]) for name, one in modes.items()]
 
 # %%
 # Has it changed? That needs no model: every frequency, damping ratio and shape is tested against what assemblies

@@ -79,8 +79,8 @@ def drawn(graph: Graph, lines: Counter[str]) -> str:
     """Return the graph as SVG: a column for each package, what imports nothing at the top."""
     place: dict[str, tuple[float, float]] = {}
     for package in PACKAGES:
-        own = sorted((n for n in graph if n.startswith(f"{package}/")), key=lambda n: (height(graph, n), n))
-        place |= {name: (LEFT[package], TOP + STEP * i) for i, name in enumerate(own)}
+        folders = sorted((n for n in graph if n.startswith(f"{package}/")), key=lambda n: (height(graph, n), n))
+        place |= {name: (LEFT[package], TOP + STEP * i) for i, name in enumerate(folders)}
     below = TOP + max(y for _, y in place.values()) + 10
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1010 {below:.0f}" width="1010">',

@@ -39,22 +39,22 @@ def draw_shape(axes: Axes3D, pair: ShapePair, moved: np.ndarray, color: str) -> 
 def draw_errors(axes: Axes, found: Diagnosis) -> None:
     """Draw the frequency error of each mode without effects and with those of the first explanation."""
     at = np.arange(len(found.errors), dtype=float)
-    names = list(dict.fromkeys(own.configuration for own in found.errors))
-    at += [names.index(own.configuration) for own in found.errors]
-    before, after = ([100.0 * abs(getattr(own, name)) for own in found.errors] for name in ("base", "explained"))
+    names = list(dict.fromkeys(one.configuration for one in found.errors))
+    at += [names.index(one.configuration) for one in found.errors]
+    before, after = ([100.0 * abs(getattr(one, name)) for one in found.errors] for name in ("base", "explained"))
     bars = axes.bar(at, before, 0.62, color=palette.BASE)
     (dots,) = axes.plot(at, after, "o", color=palette.FOUND, markersize=8, clip_on=False, zorder=3)
-    base, own = found.ranked(()), found.ranked(found.set[0])
+    base, one = found.ranked(()), found.ranked(found.set[0])
     text = (
         f"base model: {percent(base.frequency_error)} in the mean, {percent(base.left_out_error)} of modes left out",
-        f"with what was identified: {percent(own.frequency_error)}, {percent(own.left_out_error)} of modes left out",
+        f"with what was identified: {percent(one.frequency_error)}, {percent(one.left_out_error)} of modes left out",
     )
     axes.set_ylim(0.0, 1.45 * max(before))
-    ticks = [f"{own.frequency:.0f}" for own in found.errors]
+    ticks = [f"{one.frequency:.0f}" for one in found.errors]
     axes.set_xticks(at, ticks, fontsize=8)
     axes.tick_params(axis="y", labelsize=10)
     for name in names:
-        middle = np.mean([x for x, own in zip(at, found.errors, strict=True) if own.configuration == name])
+        middle = np.mean([x for x, one in zip(at, found.errors, strict=True) if one.configuration == name])
         what = f"modes at torque {name} [Hz]"
         axes.text(middle, -0.17, what, transform=axes.get_xaxis_transform(), ha="center", fontsize=11)
     axes.set_ylabel("frequency error of the model [%]", fontsize=11)

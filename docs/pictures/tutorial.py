@@ -34,7 +34,7 @@ def workbench(folder: Path) -> Iterator[str]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ)) as process:
         assert process.stdout is not None
         found = (re.search(r"Workbench: (http://\S+)", line) for line in process.stdout)
-        yield next(own[1] for own in found if own)
+        yield next(one[1] for one in found if one)
         process.terminate()
 
 

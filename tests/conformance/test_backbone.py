@@ -102,9 +102,9 @@ def beside(system, law, mode, *, n_slider, n_step):
     """Ratios of frequency and of damping, at a drop of 5 %, to those of harmonic balance, less 1; and the drop."""
     strain = contact_strain(system, n_interface=4)
     found, linear = softened(system, strain, law, mode)
-    own = found.coordinate[:, 0] @ system.matrix("M", system.theta) @ linear.coordinate[:, 0]
+    one = found.coordinate[:, 0] @ system.matrix("M", system.theta) @ linear.coordinate[:, 0]
     balance = HarmonicBalance(system, strain, law, n_slider=n_slider, n_step=n_step)
-    f, damping = balance.resonance(mode, found.amplitude[0] * own)
+    f, damping = balance.resonance(mode, found.amplitude[0] * one)
     return (found.frequency[0] / f - 1, found.damping[0] / damping - 1, found.frequency[0] / linear.frequency[0] - 1)
 
 

@@ -29,15 +29,15 @@ def documented(text, title):
 def public(owner, module):
     """Functions, classes and their methods and properties that a module makes and does not hide."""
     for name, member in vars(owner).items():
-        own = member.__func__ if isinstance(member, classmethod | staticmethod) else inspect.unwrap(member)
-        if isinstance(own, property):
-            own = own.fget
-        if name.startswith("_") or getattr(own, "__module__", None) != module:
+        one = member.__func__ if isinstance(member, classmethod | staticmethod) else inspect.unwrap(member)
+        if isinstance(one, property):
+            one = one.fget
+        if name.startswith("_") or getattr(one, "__module__", None) != module:
             continue
-        if inspect.isfunction(own) or inspect.isclass(own):
-            yield own
-        if inspect.isclass(own):
-            yield from public(own, module)
+        if inspect.isfunction(one) or inspect.isclass(one):
+            yield one
+        if inspect.isclass(one):
+            yield from public(one, module)
 
 
 def attributes(kind):

@@ -45,8 +45,8 @@ def test_physical_poles_are_those_of_sdypy(noise: float, relative: float) -> Non
     model.get_poles(show_progress=False)
     ours = lscf_poles(f[1:-1], value[..., 1:-1], 40)
     for order in (12, 20, 40):
-        peer, own = nearest(np.asarray(model.all_poles[order - 1]), POLE), nearest(ours[order - 1], POLE)
-        np.testing.assert_allclose(own, peer, rtol=relative)
+        peer, one = nearest(np.asarray(model.all_poles[order - 1]), POLE), nearest(ours[order - 1], POLE)
+        np.testing.assert_allclose(one, peer, rtol=relative)
 
 
 def test_narrow_band_keeps_its_poles() -> None:

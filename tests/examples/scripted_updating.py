@@ -51,7 +51,7 @@ print(f"error in constitutive relation: {100 * np.sqrt(fault.total.max()):.2f} %
 pressure = {c.name: c.pressure for c in campaign.configurations if c.pressure is not None}
 found = updating.diagnose(
     stack,
-    [(name, pressure[name], own.modal_model) for name, own in tested.items()],
+    [(name, pressure[name], one.modal_model) for name, one in tested.items()],
     model.catalogue(),
     asked=[["pressure_exponent"]],
 )

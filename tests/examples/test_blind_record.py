@@ -21,15 +21,15 @@ def test_the_table_says_what_was_recorded():
     cases = cases_of_the_table()
     start = lines.index(f"| figure | {len(cases)} cases | target |") + 2
     found = figures(cases)
-    assert lines[start : start + len(found)] == [own.row for own in found]
+    assert lines[start : start + len(found)] == [one.row for one in found]
 
 
 def test_the_figures_of_the_readme_are_of_the_record():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     table = text.partition("| figure | measured | target | command |\n")[2].partition("\n\n")[0]
     shown = [line.rpartition(" | ")[0] + " |" for line in table.splitlines()[1:]]
-    known = {own.name.strip(): own.row for own in figures(cases_of_the_table())}
-    known |= {own.name: own.row for own in figures_elsewhere(recorded(RECORD, OtherCase))}
+    known = {one.name.strip(): one.row for one in figures(cases_of_the_table())}
+    known |= {one.name: one.row for one in figures_elsewhere(recorded(RECORD, OtherCase))}
     found = [line for line in shown if line.split(" | ")[0].removeprefix("| ") in known]
     assert len(found) == len(shown) >= 5
     assert set(found) <= set(known.values())  # names that several baselines have tell nothing apart
@@ -40,7 +40,7 @@ def test_the_table_of_other_models_says_what_was_recorded():
     cases = recorded(RECORD, OtherCase)
     lines = text.splitlines()
     start = lines.index(f"| figure | {len(cases)} cases of another model | target |") + 2
-    found = [own.row for own in figures_elsewhere(cases)]
+    found = [one.row for one in figures_elsewhere(cases)]
     assert lines[start : start + len(found)] == found
     assert f"(median ratio {median_fall(cases):.2f})" in " ".join(text.split())
     assert sorted((c.seed, c.kind) for c in cases) == planned_elsewhere(len(cases))
@@ -50,7 +50,7 @@ def test_the_table_of_three_stacks_says_what_was_recorded():
     lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
     cases = recorded(STACKS_RECORD, OtherCase)
     start = lines.index(f"| figure | {len(cases)} cases of three stacks | target |") + 2
-    found = [own.row for own in figures_elsewhere(cases)]
+    found = [one.row for one in figures_elsewhere(cases)]
     assert lines[start : start + len(found)] == found
     assert sorted((c.seed, c.kind) for c in cases) == planned_elsewhere(len(cases), FIRST_OF_STACKS)
     assert all(c.stack == stack_of(c.seed) for c in cases)
@@ -60,7 +60,7 @@ def test_the_table_of_slip_says_what_was_recorded():
     lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
     cases = recorded(slipping.RECORD, slipping.SlippingCase)
     start = lines.index(f"| figure | {len(cases)} cases at three forces | target |") + 2
-    found = [own.row for own in slipping.figures(cases)]
+    found = [one.row for one in slipping.figures(cases)]
     assert lines[start : start + len(found)] == found
     assert [(case.seed, case.slips) for case in cases] == slipping.planned(len(cases))
 
@@ -69,7 +69,7 @@ def test_the_table_of_many_specimens_says_what_was_recorded():
     lines = (ROOT / "docs/validation.md").read_text(encoding="utf-8").splitlines()
     cases = recorded(pooled.RECORD, pooled.PooledCase)
     start = lines.index(f"| figure | {len(cases)} cases of many specimens | target |") + 2
-    found = [own.row for own in pooled.figures(cases)]
+    found = [one.row for one in pooled.figures(cases)]
     assert lines[start : start + len(found)] == found
     assert [(case.seed, case.kind) for case in cases] == pooled.planned(len(cases))
 

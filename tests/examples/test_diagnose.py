@@ -88,17 +88,17 @@ def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(write_small_ca
     found = read_result(out / "diagnosis.json", Diagnosis)
     base, added = read_result(out / "ledger.json", Ledger).entry
     for entry, effects in ((base, ()), (added, ("clamp_mass",))):
-        own = found.ranked(effects)
+        one = found.ranked(effects)
         numbers = (entry.error, entry.mode_error, entry.configuration_error, entry.damping_error, entry.chi_square)
         assert numbers == pytest.approx(
             (
-                own.frequency_error, own.left_out_error, own.left_out_configuration_error, own.damping_error,
-                own.misfit,
+                one.frequency_error, one.left_out_error, one.left_out_configuration_error, one.damping_error,
+                one.misfit,
             ),
             rel=0.0, abs=0.0, nan_ok=True,
         )  # fmt: skip
-        assert entry.shared == own.parameter
-        assert f"{100 * own.frequency_error:.2f} | {100 * own.damping_error:.2f}" in shown.getvalue()
+        assert entry.shared == one.parameter
+        assert f"{100 * entry.frequency_error:.2f} | {100 * entry.damping_error:.2f}" in shown.getvalue()
     assert interval_text(found.ranked(("clamp_mass",)).parameter[0]) in shown.getvalue()
     assert_shown_alike(campaign, out, found)
 
@@ -128,8 +128,8 @@ def assert_shown_alike(campaign_file, out, found):
             state = campaign.configuration(tested.name)
             tried = tried_model(results, tested, state, campaign.stack, effects, reduced)
             shown.append(outcome(tried, values_of(results, tested.name, effects)))
-        n = sum(own.measured.size for own in shown)
-        assert sum(own.error * own.measured.size for own in shown) / n == pytest.approx(
+        n = sum(one.measured.size for one in shown)
+        assert sum(one.error * one.measured.size for one in shown) / n == pytest.approx(
             error[effects], rel=near[effects]
         )
 

@@ -76,10 +76,10 @@ def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder):
     assert "same, what and where: nothing to place" in said
     assert said.index("heavier against") < said.index("same against")  # what changed comes first
     found = read_result(folder / "out/heavier/what_changed.json", WhatChanged)
-    own = found.kind("added_mass")
+    one = found.kind("added_mass")
     assert found.left[0] == "added_mass"
-    assert own.place[:2] == pytest.approx(PLACE, abs=0.1 * WIDTH)
-    assert 0.8 * own.lower < MASS < 1.2 * own.upper
+    assert one.place[:2] == pytest.approx(PLACE, abs=0.1 * WIDTH)
+    assert 0.8 * one.lower < MASS < 1.2 * one.upper
     assert found.reference == ("before", "again")
     assert "lost_contact" in found.impossible
     assert lamella("report", folder / "out").returncode == 0

@@ -584,9 +584,9 @@ def test_no_format_is_left_out():
 
 def functions():
     """Accelerances of a bar of two modes with a little noise, (N, n_line)."""
-    omega, own = 2 * np.pi * FREQUENCY, 2 * np.pi * NATURAL
+    omega, one = 2 * np.pi * FREQUENCY, 2 * np.pi * NATURAL
     shape = np.cos(np.pi * np.outer(np.linspace(0, 1, N), [2, 3])) + 0.1
-    value = (shape * shape[0]) @ (-(omega**2) / (own[:, None] ** 2 - omega**2 + 0.02j * own[:, None] * omega))
+    value = (shape * shape[0]) @ (-(omega**2) / (one[:, None] ** 2 - omega**2 + 0.02j * one[:, None] * omega))
     rng = np.random.default_rng(0)
     return value + 0.01 * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
 
@@ -595,9 +595,9 @@ def record(folder):
     """Four impacts of 4 s on the same bar, each decayed when the next one comes."""
     rate, n = 600.0, 4 * 2400
     line = np.fft.rfftfreq(n, 1 / rate)
-    omega, own = 2 * np.pi * line, 2 * np.pi * NATURAL
+    omega, one = 2 * np.pi * line, 2 * np.pi * NATURAL
     shape = np.cos(np.pi * np.outer(np.linspace(0, 1, N), [2, 3])) + 0.1
-    frf = (shape * shape[0]) @ (-(omega**2) / (own[:, None] ** 2 - omega**2 + 0.02j * own[:, None] * omega))
+    frf = (shape * shape[0]) @ (-(omega**2) / (one[:, None] ** 2 - omega**2 + 0.02j * one[:, None] * omega))
     force = np.zeros(n)
     for k in range(60, n, 1200):
         force[k : k + 3] = 0.3, 1.0, 0.4
@@ -619,12 +619,12 @@ def folder(tmp_path, monkeypatch):
     value = functions()
     rows = [f"{n},{800 * at},0,0" for n, at in zip(range(1, N + 1), np.linspace(0, 1, N), strict=True)]
     (tmp_path / "points.csv").write_text("\n".join(["node,x,y,z", *rows]))
-    own = [FREQUENCY, *(part for v in value for part in (v.real, v.imag))]
-    np.savetxt(tmp_path / "set.csv", np.column_stack(own), delimiter=",")
+    one = [FREQUENCY, *(part for v in value for part in (v.real, v.imag))]
+    np.savetxt(tmp_path / "set.csv", np.column_stack(one), delimiter=",")
     below = [(n, 1, f, h.real, h.imag) for n, v in enumerate(value, 1) for f, h in zip(FREQUENCY, v, strict=True)]
     np.savetxt(tmp_path / "below.csv", below, delimiter=",", fmt=["%d", "%d", "%.9g", "%.9g", "%.9g"])
-    own = [FREQUENCY, *(p for v in value for p in (20 * np.log10(abs(v)), np.angle(v))), 0.99 + 0 * FREQUENCY]
-    text = "\n".join(";".join(f"{x:.9g}" for x in row).replace(".", ",") for row in np.column_stack(own))
+    one = [FREQUENCY, *(p for v in value for p in (20 * np.log10(abs(v)), np.angle(v))), 0.99 + 0 * FREQUENCY]
+    text = "\n".join(";".join(f"{x:.9g}" for x in row).replace(".", ",") for row in np.column_stack(one))
     (tmp_path / "set.txt").write_text(f"größte Zeile\n{text}\n", encoding="latin-1")
     with h5py.File(tmp_path / "set.h5", "w") as file:
         file["f"], file["H"], file["re"], file["im"] = FREQUENCY, value.T, value.T.real, value.T.imag

@@ -58,11 +58,11 @@ def test_what_changed_is_named_and_of_a_repeat_nothing_is(tmp_path):
     assert "after, what and where: a mass that was added" in said
     truth = json.loads((EXAMPLE / "truth.json").read_text())["change"]
     found = read_result(tmp_path / "after/what_changed.json", WhatChanged)
-    own = found.kind("added_mass")
+    one = found.kind("added_mass")
     assert found.verdict == "identified"
-    assert own.place[:2] == pytest.approx(1e-3 * np.array(truth["at_mm"]), abs=0.01)
-    assert own.lower < truth["added_kg"] < own.upper
-    assert own.part.startswith("node ")
+    assert one.place[:2] == pytest.approx(1e-3 * np.array(truth["at_mm"]), abs=0.01)
+    assert one.lower < truth["added_kg"] < one.upper
+    assert one.part.startswith("node ")
     cell = kind_table(found).rows[0][3]  # as exact as the sentence says, "x = 80 ± 2 mm"
     assert f"x = {cell} mm" in said
     made = lamella("report", tmp_path)

@@ -55,9 +55,9 @@ def universal_file(folder, n_line):
     folder.mkdir()
     rng, n = np.random.default_rng(0), 120
     frequency = np.linspace(1.0, 500.0, n_line)
-    own, omega = 2 * np.pi * np.array([80.0, 210.0, 390.0])[:, None], 2 * np.pi * frequency
+    one, omega = 2 * np.pi * np.array([80.0, 210.0, 390.0])[:, None], 2 * np.pi * frequency
     shape = np.cos(np.pi * np.outer(np.linspace(0, 1, n), [1, 2, 3])) + 0.1
-    value = (shape * shape[0]) @ (-(omega**2) / (own**2 - omega**2 + 0.01j * own * omega))
+    value = (shape * shape[0]) @ (-(omega**2) / (one**2 - omega**2 + 0.01j * one * omega))
     value += 0.01 * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
     up = np.tile([0.0, 0.0, 1.0], (n, 1))
     frf = FRF(

@@ -64,16 +64,16 @@ def shapes_of_sdynpy(folder, modes, geometry):
 def identified(small):
     path, out = small
     campaign = ema.read_campaign(path)
-    own = campaign.configurations[0]
-    folder = out / folder_name(own.name)
+    one = campaign.configurations[0]
+    folder = out / folder_name(one.name)
     modes = read_result(folder / "modal_model.json", ema.ModalModel)
-    return campaign, own, modes, read_result(folder / "fit.json", Fit)
+    return campaign, one, modes, read_result(folder / "fit.json", Fit)
 
 
 @pytest.mark.parametrize("written", [tables, data_sets_55, data_sets_2414, shapes_of_sdynpy])
 def test_fit_from_exported_modes_is_that_from_functions(identified, tmp_path, written):
-    campaign, own, modes, expected = identified
-    files = written(tmp_path, modes, ema.read_measurement(campaign, own.name).geometry)
+    campaign, one, modes, expected = identified
+    files = written(tmp_path, modes, ema.read_measurement(campaign, one.name).geometry)
     (tmp_path / "campaign.toml").write_text(
         f"""
 [campaign]
@@ -88,7 +88,7 @@ name = "M1"
 modes = "file"
 files = {list(files)}
 input = "{modes.input.name(0)}"
-pressure_kPa = {own.pressure / 1e3}
+pressure_kPa = {one.pressure / 1e3}
 """
     )
     ((found, fitted),) = fit_campaign(tmp_path / "campaign.toml", tmp_path / "out", 0.8, Console(quiet=True))
@@ -100,8 +100,8 @@ pressure_kPa = {own.pressure / 1e3}
 
 
 def test_fit_from_a_model_of_sdypy_is_that_from_functions(identified):
-    campaign, own, modes, expected = identified
-    measurement = ema.read_measurement(campaign, own.name)
+    campaign, one, modes, expected = identified
+    measurement = ema.read_measurement(campaign, one.name)
     frf = measurement.frf.convert("accelerance")
     step = float(frf.frequency[1] - frf.frequency[0])
     axis = np.arange(0.0, frf.frequency[-1] + step / 2, step)
@@ -117,6 +117,6 @@ def test_fit_from_a_model_of_sdypy_is_that_from_functions(identified):
         peer.get_constants()
     force = ema.Dof(int(frf.input.node[0]), tuple(frf.input.direction[0]))
     read = ema.from_sdypy(peer, output=frf.output, force=force, geometry=measurement.geometry)
-    fitted = updating.fit(model.read_stack(campaign.stack).with_contact(pressure=own.pressure), read)
+    fitted = updating.fit(model.read_stack(campaign.stack).with_contact(pressure=one.pressure), read)
     assert fitted.G_f.value == pytest.approx(expected.G_f.value, rel=0.05)
     assert fitted.pairing.measured.size == expected.pairing.measured.size > 0

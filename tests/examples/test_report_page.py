@@ -315,8 +315,8 @@ def test_all_of_a_configuration_is_shown_with_both_models(small, undrawn):
     addition = Addition(
         effects=("lost_contact_middle",), value={"middle_loss": 0.4}, source=small[1] / "diagnosis.json"
     )
-    own = replace(tested, identified=identified_model(None, addition, tested))
-    section = page_module.configuration_section(own, None, {})
+    one = replace(tested, identified=identified_model(None, addition, tested))
+    section = page_module.configuration_section(one, None, {})
     shown = [block for part in section.parts for block in part.blocks]
     for kind in (Table, Picture, Gallery):
         models = [block.model for block in shown if isinstance(block, kind)]
@@ -520,9 +520,9 @@ def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tm
     pages = re.findall(r'<a href="(\w+/report.html)">', text)
     assert pages == ["M1/report.html", "M2/report.html"]
     for name in pages:
-        own = (front.parent / name).read_text(encoding="utf-8")
-        assert f"Modes of {name[:2]}" in own
-        assert '<a href="../report.html">' in own
+        one = (front.parent / name).read_text(encoding="utf-8")
+        assert f"Modes of {name[:2]}" in one
+        assert '<a href="../report.html">' in one
 
 
 @needs_browser

@@ -58,9 +58,9 @@ def told(request, tables_alone, tmp_path_factory):
 
 def test_every_mode_is_identified_once(told):
     """Sensors of 2 g that rove move modes by 0.05 %: one was taken for two."""
-    for own in TRUTH["configurations"]:
-        modes = read_result(told[1] / own["name"] / "modal_model.json", ModalModel)
-        true = np.array(own["frequency"])[own["visible"]]
+    for one in TRUTH["configurations"]:
+        modes = read_result(told[1] / one["name"] / "modal_model.json", ModalModel)
+        true = np.array(one["frequency"])[one["visible"]]
         np.testing.assert_allclose(modes.frequency, true, rtol=1e-3)  # with the sensors' mass
 
 
@@ -79,8 +79,8 @@ def test_its_size_is_that_of_the_pressure_that_is_lost(told):
     share = TRUTH["plan"]["planted"]["lost_contact_middle"]["loss"]
     bell = np.mean(np.exp(-18.0 * np.linspace(-0.5, 0.5, 10_001) ** 2))
     lost = 1.0 - (1.0 - share) / (1.0 - share * bell)
-    (own,) = read_result(told[1] / "diagnosis.json", Diagnosis).ranked(("lost_contact_middle",)).parameter
-    assert own.value == pytest.approx(lost, rel=0.03)
+    (one,) = read_result(told[1] / "diagnosis.json", Diagnosis).ranked(("lost_contact_middle",)).parameter
+    assert one.value == pytest.approx(lost, rel=0.03)
 
 
 def test_it_is_told_in_four_steps_with_a_report(told):
@@ -100,15 +100,15 @@ def test_the_table_of_each_configuration_shows_the_error_with_what_was_added(tol
         for cell in re.findall(r'data-of="with what was identified \[%\]"[^>]*>([^<]*)<', table)
     ]
     assert len(tables) == 2
-    np.testing.assert_allclose(shown, [100.0 * own.explained for own in found.errors], atol=0.0051)
+    np.testing.assert_allclose(shown, [100.0 * one.explained for one in found.errors], atol=0.0051)
 
 
 def test_the_fit_with_the_effect_has_the_numbers_of_the_diagnosis(told):
     found = read_result(told[1] / "diagnosis.json", Diagnosis)
     entries = read_result(told[1] / "ledger.json", Ledger).entry
     for entry, effects in zip(entries, ((), ("lost_contact_middle",)), strict=True):
-        own = found.ranked(effects)
+        one = found.ranked(effects)
         assert (entry.error, entry.mode_error, entry.damping_error, entry.chi_square) == (
-            own.frequency_error, own.left_out_error, own.damping_error, own.misfit,
+            one.frequency_error, one.left_out_error, one.damping_error, one.misfit,
         )  # fmt: skip
-        assert entry.shared == own.parameter
+        assert entry.shared == one.parameter

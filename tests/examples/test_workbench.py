@@ -47,16 +47,16 @@ PATIENCE = 600_000  # ms; a second is enough, but the machine may have other wor
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, write_small_campaign):
     """A campaign of one configuration, and the folder of its results."""
-    own = tmp_path_factory.mktemp("workbench")
-    campaign = write_small_campaign(own, 1)
+    each = tmp_path_factory.mktemp("workbench")
+    campaign = write_small_campaign(each, 1)
     text = campaign.read_text(encoding="utf-8")
     for few, more in (("[100, 420]", "[100, 700]"), ("order = 8", "order = 16")):  # of modes
         assert few in text
         text = text.replace(few, more)
     campaign.write_text(text, encoding="utf-8")
-    (one,) = fit_campaign(campaign, own / "out", 0.8, Console(quiet=True))
+    (one,) = fit_campaign(campaign, each / "out", 0.8, Console(quiet=True))
     assert not isinstance(one, Failed)
-    return campaign, own / "out"
+    return campaign, each / "out"
 
 
 @pytest.fixture(scope="module")
@@ -177,9 +177,9 @@ def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
     about, others = findings(read_results(folder[1]).tested[0], 5)
     for name, told in (("about", about), ("others", others)):
         lines = page.locator(f"#{name} li")
-        assert lines.all_text_contents() == [own["text"] for own in told]
-        assert lines.evaluate_all("(all) => all.map((li) => li.title)") == [own["hint"] for own in told]
-        assert all(own["hint"].endswith(".") for own in told)
+        assert lines.all_text_contents() == [one["text"] for one in told]
+        assert lines.evaluate_all("(all) => all.map((li) => li.title)") == [one["hint"] for one in told]
+        assert all(one["hint"].endswith(".") for one in told)
     assert about + others
     (file,) = page.locator("#files li").all_text_contents()
     assert re.fullmatch(r"5\+z: run \d+, .*run_\d+\.uff: data set \d+ \(58b?\)", file)
@@ -266,11 +266,11 @@ def test_sliders_move_the_model(page, folder):
     print(f"slider to picture: {taken:.0f} ms at best")
     assert taken < 1000.0  # 100 on a machine that does nothing else
     assert page.locator("#outcome-text").text_content() != before
-    own = page.locator("#response .js-plotly-plot")
-    names = own.evaluate("(plot) => plot.data.map((t) => t.name)")
+    one = page.locator("#response .js-plotly-plot")
+    names = one.evaluate("(plot) => plot.data.map((t) => t.name)")
     assert names == ["measured", "model before", "model now"]
     changed = "(plot) => plot.calcdata[1].some((p, k) => p.y !== plot.calcdata[2][k].y)"
-    assert own.evaluate(changed)
+    assert one.evaluate(changed)
     page.locator("#effects").click()
     page.keyboard.type("clamp mass")
     page.get_by_role("option", name="clamp mass").click()
@@ -319,10 +319,10 @@ def test_fit_these_ends_at_the_numbers_of_the_diagnosis_and_the_sliders_follow(p
     says(page, "#what-if-text", "lamella fit")
     says(page, "#fitted-text", "after the fit")
     found = read_result(folder[1] / "diagnosis.json", Diagnosis)
-    base, own = found.ranked(()), found.ranked(("clamp_mass",))
+    base, one = found.ranked(()), found.ranked(("clamp_mass",))
     text = page.locator("#fitted-text").text_content()
-    assert f"error {percent(base.frequency_error)} before and {percent(own.frequency_error)} after" in text
-    (mass,) = own.parameter
+    assert f"error {percent(base.frequency_error)} before and {percent(one.frequency_error)} after" in text
+    (mass,) = one.parameter
     assert f"clamp_added_mass = {quantity(mass.value, 'kg')}" in text
     page.wait_for_function("!document.querySelector('#what-if-text').textContent")  # the model is there again
     slider = page.locator(".slider", has_text="clamp_added_mass").text_content()

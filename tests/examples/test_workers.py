@@ -45,7 +45,7 @@ def test_a_pooled_diagnosis_on_a_cluster_gives_the_same_bytes(tmp_path):
     diagnose_pooled(campaign, tmp_path / "here", (), quiet)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         diagnose_pooled(campaign, tmp_path / "there", (), quiet, cluster=cluster.scheduler_address)
-    here, there = (tmp_path / own / "pooled_diagnosis.json" for own in ("here", "there"))
+    here, there = (tmp_path / one / "pooled_diagnosis.json" for one in ("here", "there"))
     assert here.read_bytes() == there.read_bytes()
 
 

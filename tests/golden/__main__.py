@@ -61,7 +61,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def _planned(given: argparse.Namespace) -> list[Key]:
-    keys = [own.key for own in published()] if given.published else all_planned()
+    keys = [one.key for one in published()] if given.published else all_planned()
     return [key for key in keys if given.setup is None or key[3] in given.setup]
 
 
@@ -79,11 +79,11 @@ def _answer_all(todo: Iterable[Case], output: Path, end: float) -> None:
         for case in todo:
             if time.monotonic() > end:
                 break
-            own = answer(case)
-            file.write(line(own))
+            one = answer(case)
+            file.write(line(one))
             file.flush()
             true = " + ".join(case.planted) or "nothing"
-            _say(f"{own.world} {own.kind} {own.seed} ({true}): {own.outcome}, {own.verdict} {own.names}")
+            _say(f"{one.world} {one.kind} {one.seed} ({true}): {one.outcome}, {one.verdict} {one.names}")
 
 
 def _say(text: str) -> None:

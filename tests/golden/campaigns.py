@@ -27,14 +27,14 @@ CAMPAIGNS = ("demo_diagnosis", "demo_stack", *(f"hidden_effect/{name}" for name 
 
 def answer_campaigns(output: Path, say: Callable[[str], None] = print) -> None:
     """Add what `lamella diagnose` says of each campaign to a file; those that it holds are not asked again."""
-    done = {own.setup for own in read(output)}
+    done = {one.setup for one in read(output)}
     with output.open("a", encoding="utf-8") as file:
         for name in CAMPAIGNS:
             if name not in done:
-                own = answer_campaign(name)
-                file.write(line(own))
+                one = answer_campaign(name)
+                file.write(line(one))
                 file.flush()
-                say(f"{name} ({' + '.join(own.truth) or 'nothing'}): {own.outcome}, {own.verdict} {own.names}")
+                say(f"{name} ({' + '.join(one.truth) or 'nothing'}): {one.outcome}, {one.verdict} {one.names}")
 
 
 def answer_campaign(name: str) -> Record:
@@ -87,5 +87,5 @@ def planted_in(campaign: Path) -> tuple[Mapping[str, Mapping[str, float]], tuple
 
 
 def _children() -> float:
-    own = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return own.ru_utime + own.ru_stime
+    one = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return one.ru_utime + one.ru_stime

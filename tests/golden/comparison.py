@@ -17,21 +17,21 @@ def table(records: Sequence[Record]) -> Iterator[str]:
     """Yield the lines of a table of outcomes by world and kind."""
     yield HEAD
     yield _RULE
-    kinds = sorted({(own.world, own.kind) for own in records})
+    kinds = sorted({(one.world, one.kind) for one in records})
     for world, kind in kinds:
-        yield _row(f"{world}, {kind}", [own for own in records if (own.world, own.kind) == (world, kind)])
-    yield _row("single that show", [own for own in records if own.kind.endswith("single") and own.shows])
+        yield _row(f"{world}, {kind}", [one for one in records if (one.world, one.kind) == (world, kind)])
+    yield _row("single that show", [one for one in records if one.kind.endswith("single") and one.shows])
     yield _row("all", records)
 
 
 def _row(name: str, records: Sequence[Record]) -> str:
     def count(holds: Callable[[Record], bool]) -> int:
-        return sum(holds(own) for own in records)
+        return sum(holds(one) for one in records)
 
     outcomes = ("right", "with another", "wrong", "nothing")
-    numbers = [len(records), *(count(lambda own, o=o: own.outcome == o) for o in outcomes)]
-    numbers += [count(lambda own: own.raises), count(lambda own: own.raises_in_vain)]
-    taken = [own.seconds for own in records if own.seconds is not None]
+    numbers = [len(records), *(count(lambda one, o=o: one.outcome == o) for o in outcomes)]
+    numbers += [count(lambda one: one.raises), count(lambda one: one.raises_in_vain)]
+    taken = [one.seconds for one in records if one.seconds is not None]
     seconds = f"{median(taken):.1f}" if taken else "-"
     return f"| {name} | {' | '.join(map(str, numbers))} | {seconds} |"
 
@@ -46,11 +46,11 @@ def differences(before: Sequence[Record], after: Sequence[Record]) -> Iterator[s
             yield f"{one.world} {one.kind} {one.seed} ({true}): {_said(one)} -> {_said(other)}"
 
 
-def _said(own: Record) -> str:
-    named = " or ".join("+".join(effects) for effects in own.names) or "no name"
-    before, after = own.base.left_out_frequency, own.answer.left_out_frequency
+def _said(one: Record) -> str:
+    named = " or ".join("+".join(effects) for effects in one.names) or "no name"
+    before, after = one.base.left_out_frequency, one.answer.left_out_frequency
     errors = "" if before is None or after is None else f", left out {100 * before:.2g} -> {100 * after:.2g} %"
-    return f"{own.outcome} [{own.verdict}: {named}{errors}]"
+    return f"{one.outcome} [{one.verdict}: {named}{errors}]"
 
 
 def compared(before: Path, after: Path) -> Iterator[str]:
@@ -59,6 +59,6 @@ def compared(before: Path, after: Path) -> Iterator[str]:
     both = by_key(one).keys() & by_key(other).keys()
     for file, records in ((before, one), (after, other)):
         yield f"{file.name}: {len(both)} cases that both have, of {len(records)}"
-        yield from table([own for own in records if own.key in both])
+        yield from table([each for each in records if each.key in both])
         yield ""
     yield from differences(one, other)

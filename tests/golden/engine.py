@@ -43,7 +43,7 @@ def said(found: Diagnosis, truth: Sequence[str]) -> dict[str, Any]:
         "verdict": found.verdict,
         "names": found.set,
         "values": {
-            own.name: Value(unit=own.unit, value=own.value, lower=own.lower, upper=own.upper) for own in first.parameter
+            one.name: Value(unit=one.unit, value=one.value, lower=one.lower, upper=one.upper) for one in first.parameter
         },
         "base": _errors(found.ranked(())),
         "answer": _errors(first),
@@ -51,15 +51,15 @@ def said(found: Diagnosis, truth: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _errors(own: Ranked) -> Errors:
+def _errors(one: Ranked) -> Errors:
     def known(value: float) -> float | None:
         return float(value) if math.isfinite(value) else None
 
     return Errors(
-        frequency=known(own.frequency_error),
-        damping=known(own.damping_error),
-        left_out_frequency=known(own.left_out_error),
-        left_out_damping=known(own.left_out_damping_error),
+        frequency=known(one.frequency_error),
+        damping=known(one.damping_error),
+        left_out_frequency=known(one.left_out_error),
+        left_out_damping=known(one.left_out_damping_error),
     )
 
 

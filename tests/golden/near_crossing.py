@@ -122,8 +122,8 @@ def _solve(plan: Plan, second_model: SecondModel, torque: int, log_share: float)
 
 def _followed(before: _Solved, after: _Solved) -> _Solved:
     """Return modes in the order of those before that they resemble; those that resemble none are left out."""
-    _, own = linear_sum_assignment(-np.abs(before.shape.T @ after.shape))
-    return _some(after, own)
+    _, one = linear_sum_assignment(-np.abs(before.shape.T @ after.shape))
+    return _some(after, one)
 
 
 def _some(whole: _Solved, which: NDArray[np.intp]) -> _Solved:
@@ -135,7 +135,7 @@ def _crossings(scan: list[_Solved]) -> Iterator[_Crossing]:
     for before, after in pairwise(scan):
         left = _some(before, np.arange(min(before.log_frequency.size, after.log_frequency.size)))
         right = _followed(left, after)
-        gap, then = (own.log_frequency[:, None] - own.log_frequency for own in (left, right))
+        gap, then = (one.log_frequency[:, None] - one.log_frequency for one in (left, right))
         seen = left.seen & right.seen
         for a, b in np.argwhere(np.triu(gap * then < 0.0) & seen & seen[:, None]):
             yield _Crossing(left=left, right=right, pair=(int(a), int(b)))
@@ -150,11 +150,11 @@ def _met(plan: Plan, second_model: SecondModel, torque: int, crossing: _Crossing
     for step in range(_STEPS):
         if abs(at) > 2.0 * np.log(_SHARES[-1]):
             return None
-        own = _followed(before, _solve(plan, second_model, torque, at))
-        off = own.gap(pair) - wanted
+        one = _followed(before, _solve(plan, second_model, torque, at))
+        off = one.gap(pair) - wanted
         if abs(off) < _MEETS:
             return at
-        if step and own.at != before.at:
-            slope = (own.gap(pair) - before.gap(pair)) / (own.at - before.at)
-        at, before = at - off / slope, own
+        if step and one.at != before.at:
+            slope = (one.gap(pair) - before.gap(pair)) / (one.at - before.at)
+        at, before = at - off / slope, one
     return None

@@ -121,12 +121,12 @@ def line(record: Record) -> str:
     return json.dumps(_rounded(asdict(record)), allow_nan=False) + "\n"
 
 
-def _rounded(own: object) -> object:
-    if isinstance(own, dict):
-        return {key: _rounded(value) for key, value in own.items()}
-    if isinstance(own, list | tuple):
-        return [_rounded(value) for value in own]
-    return float(f"{own:.5g}") if isinstance(own, float) else own
+def _rounded(one: object) -> object:
+    if isinstance(one, dict):
+        return {key: _rounded(value) for key, value in one.items()}
+    if isinstance(one, list | tuple):
+        return [_rounded(value) for value in one]
+    return float(f"{one:.5g}") if isinstance(one, float) else one
 
 
 def read(file: Path) -> list[Record]:
@@ -138,11 +138,11 @@ def read(file: Path) -> list[Record]:
 def _record(given: dict) -> Record:
     true = given.pop("true")
     given["truth"], given["names"] = tuple(given["truth"]), tuple(map(tuple, given["names"]))
-    given["values"] = {name: Value(**own) for name, own in given["values"].items()}
+    given["values"] = {name: Value(**one) for name, one in given["values"].items()}
     given["base"], given["answer"] = Errors(**given["base"]), Errors(**given["answer"])
     return Record(**given, true=None if true is None else Errors(**true))
 
 
 def by_key(records: Iterable[Record]) -> dict[tuple[str, str, int, str], Record]:
     """Return records by what tells them apart."""
-    return {own.key: own for own in records}
+    return {one.key: one for one in records}

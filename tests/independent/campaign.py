@@ -330,8 +330,8 @@ def _loaded(modes: BenchModes, shape: Array, run: int, mass: float, dummies: boo
     row = loading.reshape(-1, shape.shape[-1])
     omega = 2.0 * np.pi * modes.frequency
     value, turn = la.eigh(np.diag(omega**2), np.eye(len(omega)) + mass * row.T @ row)
-    _, own = linear_sum_assignment(-np.abs(turn))  # in the order and with the signs of the modes without
-    turn, turned = turn[:, own] * np.sign(np.diag(turn[:, own])), np.sqrt(np.maximum(value[own], 0.0))
+    _, one = linear_sum_assignment(-np.abs(turn))  # in the order and with the signs of the modes without
+    turn, turned = turn[:, one] * np.sign(np.diag(turn[:, one])), np.sqrt(np.maximum(value[one], 0.0))
     lost = np.einsum("ir,i,ir->r", turn, 2.0 * modes.damping * omega, turn)
     damping = np.divide(lost, 2.0 * turned, out=np.zeros_like(lost), where=turned > 2.0 * np.pi * RIGID)
 

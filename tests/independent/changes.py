@@ -263,12 +263,12 @@ class States:
         )
         benches = [self.assembled(i, planted.get(name)) for i, name in enumerate(names)]
         modes = [self.modes(bench) for bench in benches]
-        frf = [self.measured(i, own) for i, own in enumerate(modes)]
+        frf = [self.measured(i, one) for i, one in enumerate(modes)]
         n = SHAKER - 1
         return Simulated(
             plan=plan,
             frequency=self.frequency,
-            frf=[own for own, _ in frf],
+            frf=[one for one, _ in frf],
             noise=[noise for _, noise in frf],
             bench=benches,
             modes=modes,
@@ -280,16 +280,16 @@ class States:
 
     def scatter(self, modes: Sequence[BenchModes]) -> float:
         """Return the relative scatter of a frequency between two assemblies, from the true modes of some."""
-        logs = np.log([own.frequency[6:16] for own in modes])
+        logs = np.log([one.frequency[6:16] for one in modes])
         return float(np.sqrt(2.0 * np.mean(np.var(logs, axis=0, ddof=1))))
 
     def moved(self, before: BenchModes, after: BenchModes) -> float:
         """Return by how much the mode that is moved most moves, relative."""
         _, point, _ = self.stack
-        shape = [own.shape_at(point)[:, 2] for own in (before, after)]
-        keep = [visible(own, point, self.plan.band) for own in (before, after)]
-        frequency = [own.frequency[k] for own, k in zip((before, after), keep, strict=True)]
-        a, b = (own[:, k] / np.linalg.norm(own[:, k], axis=0) for own, k in zip(shape, keep, strict=True))
+        shape = [one.shape_at(point)[:, 2] for one in (before, after)]
+        keep = [visible(one, point, self.plan.band) for one in (before, after)]
+        frequency = [one.frequency[k] for one, k in zip((before, after), keep, strict=True)]
+        a, b = (one[:, k] / np.linalg.norm(one[:, k], axis=0) for one, k in zip(shape, keep, strict=True))
         alike = np.abs(a.T @ b)
         best = alike.argmax(axis=1)
         shift = np.abs(np.log(frequency[1][best] / frequency[0]))

@@ -82,8 +82,8 @@ class Tied:
     def weight(self, vector: Array) -> Array:
         """Return the mass matrix times vectors."""
         body, riding = self._split(vector)
-        own = np.vstack([self.weigh(body), self.rider[:, None] * riding])
-        return own + self.row @ (self.mass[:, None] * (self.row.T @ vector))
+        one = np.vstack([self.weigh(body), self.rider[:, None] * riding])
+        return one + self.row @ (self.mass[:, None] * (self.row.T @ vector))
 
     def inverse(self) -> Callable[[Array], Array]:
         """Return the inverse of stiffness plus SHIFT times mass, ties by the Woodbury identity."""

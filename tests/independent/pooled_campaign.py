@@ -98,12 +98,12 @@ def planted(plan: PooledPlan, specimen: int) -> dict[str, Mapping[str, float]]:
 def simulate_specimen(plan: PooledPlan, specimen: int, second_model: SecondModel) -> Simulated:
     """Return one specimen as simulated; its stack file has its own height."""
     text = plan.stack.read_text(encoding="utf-8")
-    line = next(own for own in text.splitlines() if own.startswith("height_mm"))
+    line = next(one for one in text.splitlines() if one.startswith("height_mm"))
     height = float(line.partition("=")[2].partition("#")[0]) + _HEIGHTS[specimen]
     with tempfile.TemporaryDirectory() as folder:
         stack = Path(folder) / "stack.toml"
         stack.write_text(text.replace(line, f"height_mm = {height:.2f}"), encoding="utf-8")
-        own = Plan(
+        one = Plan(
             seed=plan.seed + specimen,
             model_key="layered",
             kind="single",
@@ -112,7 +112,7 @@ def simulate_specimen(plan: PooledPlan, specimen: int, second_model: SecondModel
             band=BAND,
             step=_STEP,
         )
-        return simulate(own, second_model)
+        return simulate(one, second_model)
 
 
 def write_pooled(plan: PooledPlan, folder: Path, second_model: SecondModel) -> None:
@@ -129,10 +129,10 @@ def write_pooled(plan: PooledPlan, folder: Path, second_model: SecondModel) -> N
         (folder / name).mkdir(exist_ok=True)
         for table in modal_tables(made):
             _write_table(folder / name / table.configuration.name, table)
-        own = truth(made)
-        for configuration in own["configurations"]:  # type: ignore[attr-defined]  # a list, as `truth` makes it
+        one = truth(made)
+        for configuration in one["configurations"]:  # type: ignore[attr-defined]  # a list, as `truth` makes it
             del configuration["shape"]
-        true.append({"name": name, **own})
+        true.append({"name": name, **one})
     (folder / "campaign.toml").write_text("\n".join(text), encoding="utf-8")
     given = {name: value for name, value in dataclasses.asdict(plan).items() if name != "stack"}
     (folder / "truth.json").write_text(json.dumps({"plan": given, "specimens": true}), encoding="utf-8")
@@ -182,11 +182,11 @@ def _write_table(stem: Path, table: ModalTable) -> None:
     relative = table.shape_std[0] / rms
     modes = zip(table.frequency, table.frequency_std, table.damping, table.damping_std, relative, strict=True)
     header = ["mode", "frequency_Hz", "frequency_std_Hz", "damping", "damping_std", "shape_std"]
-    _write(stem.with_name(f"{stem.name}_modes.csv"), header, ([r, *own] for r, own in enumerate(modes, 1)))
+    _write(stem.with_name(f"{stem.name}_modes.csv"), header, ([r, *one] for r, one in enumerate(modes, 1)))
     names = [f"mode_{r}_{part}" for r in range(1, shape.shape[1] + 1) for part in ("real", "imag")]
     rows = (
-        [node + 1, node % SENSORS, 0, 0, 1, *(part for value in own for part in (float(value), 0))]
-        for node, own in enumerate(shape)
+        [node + 1, node % SENSORS, 0, 0, 1, *(part for value in one for part in (float(value), 0))]
+        for node, one in enumerate(shape)
     )
     _write(stem.with_name(f"{stem.name}_shapes.csv"), ["node", "sensor", "x", "y", "z", *names], rows)
 

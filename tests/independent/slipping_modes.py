@@ -89,8 +89,8 @@ def slipping_test(seed: int, *, slips: bool) -> SlippingTest:
     stack = LayeredStack.of(MODEL, bench)
     value, fields, _ = stack.solve(N_MODE)
     elastic = value > (2.0 * np.pi) ** 2
-    own = MODEL.modes(bench, N_MODE)
-    damping = np.maximum(own.damping[elastic], LEAST_DAMPING)
+    each = MODEL.modes(bench, N_MODE)
+    damping = np.maximum(each.damping[elastic], LEAST_DAMPING)
     shape = stack.reader(fields)(point)[:, 2][:, elastic]
     frequency = np.sqrt(value[elastic]) / (2.0 * np.pi)
     size, driven = np.linalg.norm(shape, axis=0), np.abs(shape[SHAKER - 1])

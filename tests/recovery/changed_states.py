@@ -61,10 +61,10 @@ class Plate:
     def assembled(self, random, lab, name, *, softer=0.0, mode=0):
         """Return a state as it is identified; one mode may be softer by a share of its stiffness."""
         uneven = np.exp(lab.unequal * random.standard_normal(N_MODE))
-        own = random.standard_normal((N_MODE, N_MODE)) * np.sqrt(np.outer(uneven, uneven))
-        own = (own + own.T) / np.sqrt(2.0) * np.sqrt(1.0 - lab.common)  # twice the variance on the diagonal
-        own += np.sqrt(2.0 * lab.common) * random.standard_normal() * np.eye(N_MODE)
-        relative = np.eye(N_MODE) + np.sqrt(2.0) * lab.frequency * own
+        one = random.standard_normal((N_MODE, N_MODE)) * np.sqrt(np.outer(uneven, uneven))
+        one = (one + one.T) / np.sqrt(2.0) * np.sqrt(1.0 - lab.common)  # twice the variance on the diagonal
+        one += np.sqrt(2.0 * lab.common) * random.standard_normal() * np.eye(N_MODE)
+        relative = np.eye(N_MODE) + np.sqrt(2.0) * lab.frequency * one
         relative[mode, mode] -= softer
         values, vectors = np.linalg.eigh(np.outer(self.frequency, self.frequency) * relative)
         shape = (self.shape @ vectors)[:, SEEN]

@@ -84,8 +84,8 @@ def _write_modes(made: Path) -> None:
     (made / "modes.csv").write_text("frequency_Hz,damping,shape_std\n100,0.01,0.02\n200,0.02,0.02\n")
     (made / "shapes.csv").write_text(shapes)
     found = read_modes_table((made / "modes.csv", made / "shapes.csv"))
-    own = modal_model_of(found, name="M", geometry=geometry, force=None)
-    write_uff(made / "modes.uff", geometry, modal_model=own)
+    one = modal_model_of(found, name="M", geometry=geometry, force=None)
+    write_uff(made / "modes.uff", geometry, modal_model=one)
     kind = [("frequency", "f8"), ("damping", "f8"), ("coordinate", [("node", "u8"), ("direction", "i1")], (2,)),
             ("shape_matrix", "f8", (2,)), ("modal_mass", "f8")]  # fmt: skip
     array = np.zeros(2, kind)

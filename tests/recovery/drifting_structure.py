@@ -82,8 +82,8 @@ def measured(chain: Chain, rng: np.random.Generator, *, force: float = 5e-3, res
     for k in range(chain.run.max() + 1):
         points = np.flatnonzero(chain.run == k)
         frequency, shape = chain.modes(points, chain.mass)
-        own = 2.0 * np.pi * frequency[:, None]
-        dynamic = own**2 - omega**2 + 2j * chain.damping[:, None] * own * omega
+        one = 2.0 * np.pi * frequency[:, None]
+        dynamic = one**2 - omega**2 + 2j * chain.damping[:, None] * one * omega
         value[points] = (shape[points] * shape[chain.force]) @ (-(omega**2) / dynamic)
     level = response * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True))
     value = value * (1.0 + force * normal(chain.run.max() + 1, lines.size)[chain.run]) + level * normal(*value.shape)

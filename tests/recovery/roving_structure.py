@@ -30,8 +30,8 @@ def modes(points=(), mass=0.0):
 def accelerance(points, mass, stretched):
     """Functions of the sensors of a run, its frequencies stretched by a factor."""
     frequency, shape = modes(points, mass)
-    own, omega = 2 * np.pi * stretched * frequency[:, None], 2 * np.pi * LINES
-    dynamic = own**2 - omega**2 + 2j * DAMPING[:, None] * own * omega
+    one, omega = 2 * np.pi * stretched * frequency[:, None], 2 * np.pi * LINES
+    dynamic = one**2 - omega**2 + 2j * DAMPING[:, None] * one * omega
     return (shape[points] * shape[FORCE]) @ (-(omega**2) / dynamic)
 
 

@@ -40,8 +40,8 @@ class SymmetricStructure:
 
     def clean(self):
         """Accelerance at all points to all forces, (n_point, n_force, n_line)."""
-        own, omega = 2 * np.pi * self.frequency[:, None], 2 * np.pi * self.lines
-        ratio = -(omega**2) / (own**2 - omega**2 + 2j * DAMPING * own * omega)
+        one, omega = 2 * np.pi * self.frequency[:, None], 2 * np.pi * self.lines
+        ratio = -(omega**2) / (one**2 - omega**2 + 2j * DAMPING * one * omega)
         return np.einsum("or,ir,rf->oif", self.shape, self.shape[list(self.forces)], ratio)
 
     def measured(self, rng, noise=0.01):

@@ -16,7 +16,7 @@ from updating.errors import StoreError
 def test_blind_cases(capsys, request):
     with capsys.disabled():
         cases = study_of(planned(), request.config.rootpath / "out/blind/cases.jsonl")
-        print("\n".join(own.row for own in figures(cases)))
+        print("\n".join(one.row for one in figures(cases)))
     alarms = figures(cases)[0]
     assert alarms.interval[0] <= 0.05, "more false alarms than 5 %, beyond what chance explains"
 
@@ -71,8 +71,8 @@ def test_names_for_a_withheld_effect_are_counted_beside_those_of_bic():
     named = case(1, "withheld")
     refused = replace(named, verdict="unlike anything", candidates=(), bic=("stinger_mass",))
     found = figures((named, refused, refused))
-    at = next(i for i, own in enumerate(found) if own.name.startswith("another's name"))
-    assert [(own.hits, own.total) for own in found[at : at + 2]] == [(1, 3), (2, 3)]
+    at = next(i for i, one in enumerate(found) if one.name.startswith("another's name"))
+    assert [(one.hits, one.total) for one in found[at : at + 2]] == [(1, 3), (2, 3)]
 
 
 def test_cases_go_on_after_the_last_whole_line(tmp_path):
@@ -86,7 +86,7 @@ def test_cases_go_on_after_the_last_whole_line(tmp_path):
         asked.append(which)
         return case(*which)
 
-    found = study(planned(), run, record, Case, lambda own: (own.seed, own.kind))
+    found = study(planned(), run, record, Case, lambda one: (one.seed, one.kind))
     assert asked == [planned()[-1]]
     assert found == [case(*which) for which in planned()]
     assert record.read_text(encoding="utf-8") == "".join(lines)
@@ -94,8 +94,8 @@ def test_cases_go_on_after_the_last_whole_line(tmp_path):
 
 def test_cases_that_are_run_side_by_side_come_in_the_order_of_the_plan(tmp_path):
     with ThreadPoolExecutor(4) as executor:
-        found = study(planned(), case, tmp_path / "new/cases.jsonl", Case, lambda own: (own.seed, own.kind), executor)
-    assert [(own.seed, own.kind) for own in found] == list(planned())
+        found = study(planned(), case, tmp_path / "new/cases.jsonl", Case, lambda one: (one.seed, one.kind), executor)
+    assert [(one.seed, one.kind) for one in found] == list(planned())
     assert len(recorded(tmp_path / "new/cases.jsonl", Case)) == 134
 
 
@@ -103,7 +103,7 @@ def test_a_study_goes_on_from_the_command_line(tmp_path, monkeypatch):
     record = tmp_path / "cases.jsonl"
     record.write_text("".join(line(case(*which)) for which in planned()[:3]), encoding="utf-8")
     rows, _ = STUDIES["blind"]
-    assert rows(3, record) == [own.row for own in figures([case(*which) for which in planned()[:3]])]
+    assert rows(3, record) == [one.row for one in figures([case(*which) for which in planned()[:3]])]
 
 
 def test_the_full_study_begins_with_the_quick_one():

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 @cache
 def identified(name):
     campaign = ema.read_campaign(DATA / name / "campaign.toml")
-    return {own.modal_model.name: own.modal_model for own in ema.identify(campaign)}
+    return {one.modal_model.name: one.modal_model for one in ema.identify(campaign)}
 
 
 @cache
@@ -27,12 +27,12 @@ def fitted(name):
     stack = model.read_stack(DATA / name / "stack.toml").with_contact(pressure=320e3)
     tests = identified(name)
     candidates = candidate_model(stack, instruments_of(tests["before"]), {})
-    return fit_reference(candidates, [(own, 320e3, tests[own]) for own in REFERENCE])
+    return fit_reference(candidates, [(one, 320e3, tests[one]) for one in REFERENCE])
 
 
 def answered(name, state):
     tests = identified(name)
-    seen = ema.change([tests[state]], [tests[own] for own in REFERENCE]).changed
+    seen = ema.change([tests[state]], [tests[one] for one in REFERENCE]).changed
     return seen, what_changed(fitted(name), [(state, 320e3, tests[state])], seen=seen)
 
 

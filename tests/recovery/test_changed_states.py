@@ -19,5 +19,5 @@ def test_repeats_keep_the_level_where_a_laboratory_scatters_three_times_more_tha
 
 def test_a_mode_that_moved_by_a_dozen_scatters_is_found_and_is_the_one():
     found = [compared(SEED + k, scatters=12.0, n_reference=3) for k in range(N)]
-    hits = sum(bool(own.which[own.reference_mode == mode].any()) for own, mode in found)
+    hits = sum(bool(one.which[one.reference_mode == mode].any()) for one, mode in found)
     assert hits >= 0.9 * N, interval(hits, N)

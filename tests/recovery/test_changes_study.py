@@ -23,7 +23,7 @@ def pair(**given):
 
 
 def shares(pairs):
-    return {own.name: (own.hits, own.total) for own in figures(pairs)}
+    return {one.name: (one.hits, one.total) for one in figures(pairs)}
 
 
 def test_what_is_right_wrong_placed_and_sized_is_counted():
@@ -49,8 +49,8 @@ def test_all_kinds_come_in_turn():
 
 def test_the_page_has_the_figures_of_the_record():
     page = (Path(__file__).parents[2] / "docs/changes.md").read_text(encoding="utf-8")
-    for own in figures([pair for laboratory in recorded(RECORD, Laboratory) for pair in laboratory.pairs]):
-        assert own.row.split(" | ")[1] in page
+    for one in figures([pair for laboratory in recorded(RECORD, Laboratory) for pair in laboratory.pairs]):
+        assert one.row.split(" | ")[1] in page
 
 
 @pytest.mark.blind
@@ -58,7 +58,7 @@ def test_pairs_of_second_models(capsys, request):
     """Every figure is printed; of false alarms no more are left than chance explains."""
     with capsys.disabled():
         pairs = study_of(NUMBER, request.config.rootpath / OUT)
-        for own in figures(pairs):
-            print(own.row, flush=True)
+        for one in figures(pairs):
+            print(one.row, flush=True)
     hits, total = shares(pairs)["no change: named"]
     assert hits <= 0.1 * total

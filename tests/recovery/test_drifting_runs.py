@@ -34,9 +34,9 @@ def test_poles_of_runs_are_linked_one_to_one():
 def test_poles_beyond_the_band_do_not_call_for_runs_of_their_own():
     # the flank of a mode above the band wanders with the noise of each run; a demo's last mode was spoiled for it
     pole = 2.0 * np.pi * np.array([100.0, 280.0]) * (1j - 0.005)
-    own = pole + np.array([[0.1, -2.0], [-0.1, 2.0]]) * -pole.real * 1j
+    one = pole + np.array([[0.1, -2.0], [-0.1, 2.0]]) * -pole.real * 1j
     fit = SimpleNamespace(pole=pole)
-    runs = SimpleNamespace(pole=own, frequency_std=np.ones((2, 2)), probability=np.zeros((2, 2)))
+    runs = SimpleNamespace(pole=one, frequency_std=np.ones((2, 2)), probability=np.zeros((2, 2)))
     assert not runs_apart(fit, runs, (), (50.0, 250.0))
     assert runs_apart(fit, runs, (), (50.0, 300.0))
     runs.probability = np.ones((2, 2))  # nor one about which runs do not disagree

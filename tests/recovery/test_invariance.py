@@ -111,10 +111,10 @@ def the_same(found, plain):
     assert found.set[0] == plain.set[0] == ("stinger_mass",)
     assert set(found.ruled_out) == set(plain.ruled_out)
     assert set(found.not_visible) == set(plain.not_visible)
-    own, other = (next(r for r in a.ranking if r.effects == ("stinger_mass",)) for a in (found, plain))
-    assert own.log_odds == pytest.approx(other.log_odds, abs=FITS_END)
-    assert own.frequency_error == pytest.approx(other.frequency_error, rel=1e-2)
-    for here, there in zip(own.parameter, other.parameter, strict=True):
+    one, other = (next(r for r in a.ranking if r.effects == ("stinger_mass",)) for a in (found, plain))
+    assert one.log_odds == pytest.approx(other.log_odds, abs=FITS_END)
+    assert one.frequency_error == pytest.approx(other.frequency_error, rel=1e-2)
+    for here, there in zip(one.parameter, other.parameter, strict=True):
         width = there.upper - there.lower
         assert (here.value, here.lower, here.upper) == pytest.approx(
             (there.value, there.lower, there.upper), abs=0.02 * width

@@ -28,7 +28,7 @@ def case(kind="single", **given):
 
 
 def share(name, cases):
-    return next((own.hits, own.total) for own in figures(cases) if own.name.startswith(name))
+    return next((one.hits, one.total) for one in figures(cases) if one.name.startswith(name))
 
 
 def test_a_wrong_name_first_is_counted():
@@ -50,9 +50,9 @@ def test_the_median_fall_is_that_of_what_leads():
 @pytest.mark.slow
 def test_a_strong_effect_leads_though_alone_it_is_fitted_elsewhere_at_first():
     """Clamp inertia beside a force cell's mass: clamps that stand elsewhere led, for the inertia was not found."""
-    own = run(700104, "pair", "layered")
-    assert set(own.planted) == {"clamp_inertia_two", "stinger_mass"}
-    assert own.leads == "clamp_inertia"
+    one = run(700104, "pair", "layered")
+    assert set(one.planted) == {"clamp_inertia_two", "stinger_mass"}
+    assert one.leads == "clamp_inertia"
 
 
 @pytest.mark.blind
@@ -60,7 +60,7 @@ def test_other_models(capsys, request):
     """Every figure is printed; of false alarms no more are left than chance explains."""
     with capsys.disabled():
         cases = study_of(planned(NUMBER), "layered", request.config.rootpath / OUT)
-        print("\n".join(own.row for own in figures(cases)))
+        print("\n".join(one.row for one in figures(cases)))
         print(f"median ratio of the left-out error after what leads over before: {median_fall(cases):.2f}")
     assert share("a wrong name", cases)[0] <= 0.15 * share("a wrong name", cases)[1]
 
@@ -71,5 +71,5 @@ def test_three_stacks(capsys, request):
     with capsys.disabled():
         cases = planned(NUMBER_OF_STACKS, FIRST_OF_STACKS)
         cases = study_of(cases, "layered", request.config.rootpath / OUT_STACKS, stack=stack_of)
-        print("\n".join(own.row for own in figures(cases)))
+        print("\n".join(one.row for one in figures(cases)))
     assert share("a wrong name", cases)[0] <= 0.15 * share("a wrong name", cases)[1]

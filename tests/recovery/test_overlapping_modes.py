@@ -38,9 +38,9 @@ def damped(seed: int) -> FRF:
 @pytest.mark.parametrize("seed", [4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 5))])
 def test_modes_apart_are_found_beside_those_that_cannot_be_told(seed: int) -> None:
     model = identify_frf(damped(seed), geometry(N), name="damped")
-    own = np.abs(model.frequency[:, None] - APART).argmin(axis=0)
-    assert np.unique(own).size == APART.size
-    assert np.all(np.abs(model.frequency[own] - APART) < 4.5 * model.frequency_std[own])
+    one = np.abs(model.frequency[:, None] - APART).argmin(axis=0)
+    assert np.unique(one).size == APART.size
+    assert np.all(np.abs(model.frequency[one] - APART) < 4.5 * model.frequency_std[one])
     assert model.frequency.size <= APART.size + TOGETHER.size
     assert np.all(model.error < 0.01)
     told = [v.message for v in check_modes(damped(seed), model) if v.check == "overlap"]

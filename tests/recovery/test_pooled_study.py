@@ -20,7 +20,7 @@ def case(**given):
 
 
 def shares(cases):
-    return {own.name: (own.hits, own.total) for own in figures(cases)}
+    return {one.name: (one.hits, one.total) for one in figures(cases)}
 
 
 def test_an_effect_at_another_level_is_not_right():
@@ -51,7 +51,7 @@ def test_pooled_cases(capsys, request):
     """Every figure is printed; of false alarms no more are left than chance explains."""
     with capsys.disabled():
         cases = study_of(NUMBER, Layered(), request.config.rootpath / OUT)
-        for own in figures(cases):
-            print(own.row, flush=True)
+        for one in figures(cases):
+            print(one.row, flush=True)
     hits, total = shares(cases)["others called odd"]
     assert hits <= 0.05 * total

@@ -42,11 +42,11 @@ def plate(rng):
     shape, at_force = (
         np.array([beam_shape(i, u) * beam_shape(j, v) for i, j in ORDERS[:n_mode]]).T for u, v in ((x, y), force)
     )
-    own = 2 * np.pi * np.concatenate([np.sort(rng.uniform(150, 1400, n_mode - 3)), [2300, 2600, 3100]])
+    one = 2 * np.pi * np.concatenate([np.sort(rng.uniform(150, 1400, n_mode - 3)), [2300, 2600, 3100]])
     damping = 10 ** rng.uniform(np.log10(0.002), np.log10(0.02), n_mode)
     frequency = np.arange(100, 1500.1, 1.0)
     omega = 2 * np.pi * frequency
-    mode = -(omega**2) / (own[:, None] ** 2 - omega**2 + 2j * damping[:, None] * own[:, None] * omega)
+    mode = -(omega**2) / (one[:, None] ** 2 - omega**2 + 2j * damping[:, None] * one[:, None] * omega)
     rigid = 1 + 3 * (2 * x - 1) * (2 * force[0] - 1) + 3 * (2 * y - 1) * (2 * force[1] - 1)
     value = ((shape * at_force) @ mode + rigid[:, None]) / 5.0  # 5 kg
     level = noise * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True) / 2)

@@ -17,9 +17,9 @@ def in_other_state(measurement, runs, factor):
     frf = measurement.frf
     value, frequency = np.array(frf.value), frf.frequency
     for channel in np.flatnonzero(np.isin(frf.run, runs)):
-        own = value[channel, 0]
-        value[channel, 0] = np.interp(frequency / factor, frequency, own.real) + 1j * np.interp(
-            frequency / factor, frequency, own.imag
+        one = value[channel, 0]
+        value[channel, 0] = np.interp(frequency / factor, frequency, one.real) + 1j * np.interp(
+            frequency / factor, frequency, one.imag
         )
     return replace(measurement, frf=replace(frf, value=value))
 

@@ -42,8 +42,8 @@ def levels_of(candidates, system, seed, law):
     """One configuration of a played test as three force levels; a law of None is a stack that does not slip."""
     test = blind_test(SPECIFICATION, seed, (), {})
     name, pressure, modes = simulated(test)[0]
-    own, strain = test.configurations[0], model.contact_strain(system)
-    given = {"G_f": own.G_f, "d_f": own.d_f, "parameters": {"pressure": pressure}}
+    each, strain = test.configurations[0], model.contact_strain(system)
+    given = {"G_f": each.G_f, "d_f": each.d_f, "parameters": {"pressure": pressure}}
     ratio, added, rms = np.ones((3, modes.frequency.size)), *np.zeros((2, 3, modes.frequency.size))
     points = assemble_evidence(candidates, [(name, pressure, modes)]).observation[0]
     rows = model.observe(system, points).reduced_rows
@@ -75,7 +75,7 @@ def levels_of(candidates, system, seed, law):
 def test_slip_is_named_with_its_parameters(candidates, system):
     found, levels = levels_of(candidates, system, 31, LAW)
     evidence = assemble_evidence(candidates, found, levels=levels)
-    assert {own.assembled for own in evidence.tested} == {levels[found[0][0]].state}
+    assert {one.assembled for one in evidence.tested} == {levels[found[0][0]].state}
     assert evidence.impossible["micro_slip"].endswith("there are several here")
     answer = conclude(candidates, evidence)
     assert answer.verdict in ("identified", "partly explained")
@@ -108,10 +108,10 @@ def test_the_shipped_campaign_that_another_model_made_is_called_slipping(tmp_pat
     assert softening.lower < true["slip_softening"] < softening.upper
     # The simulation took the contact at eight points along the stack, so that it slips less than the law asks for.
     assert exponent.value == pytest.approx(true["slip_exponent"], abs=0.3)
-    assert [own.configuration for own in answer.contact[::4]] == ["M1", "M1 at 1.2 N", "M1 at 4 N"]
-    for own in answer.contact[8:]:  # at its own strain, beside the law that was integrated
-        expected = float(law.softening(np.array([own.strain / slide]))[0])
-        assert own.softening == pytest.approx(expected, rel=0.4)
+    assert [one.configuration for one in answer.contact[::4]] == ["M1", "M1 at 1.2 N", "M1 at 4 N"]
+    for one in answer.contact[8:]:  # at its own strain, beside the law that was integrated
+        expected = float(law.softening(np.array([one.strain / slide]))[0])
+        assert one.softening == pytest.approx(expected, rel=0.4)
     assert "these 3 force levels shear the contact by" in said
     assert answer.second_level is None
     assert "second_force" not in {test.name for test in answer.next_tests}

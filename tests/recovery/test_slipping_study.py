@@ -26,7 +26,7 @@ def linear(**given):
 
 
 def share(name, cases):
-    return next((own.hits, own.total) for own in figures(cases) if own.name.startswith(name))
+    return next((one.hits, one.total) for one in figures(cases) if one.name.startswith(name))
 
 
 def test_a_linear_stack_that_is_called_slipping_is_counted():
@@ -72,7 +72,7 @@ def test_slipping_and_linear_stacks(capsys, request):
     """Every figure is printed; of linear stacks called slipping no more are left than chance explains."""
     with capsys.disabled():
         cases = study_of(planned(NUMBER), request.config.rootpath / OUT)
-        print("\n".join(own.row for own in figures(cases)))
+        print("\n".join(one.row for one in figures(cases)))
         print(f"median factor by which the slip limit is off: {median_factor(cases):.2f}")
     hits, total = share("linear stacks called slipping", cases)
     assert hits <= 0.1 * total

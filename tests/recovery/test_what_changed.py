@@ -95,9 +95,9 @@ def test_a_cut_is_less_stiffness_beside_the_middle_of_the_clamp(state, length):
     assert "crack" in answer.left
     assert set(answer.left) <= {"crack", "hole", "softer_patch", "softer_edge"}
     for name in answer.left:
-        own = answer.kind(name)
-        assert abs(own.place[0]) < 0.015  # independent fits put it at 140 to 160 mm of 300 mm
-        assert own.place[1] < -0.137 + 0.025  # within 25 mm of the clamp
+        one = answer.kind(name)
+        assert abs(one.place[0]) < 0.015  # independent fits put it at 140 to 160 mm of 300 mm
+        assert one.place[1] < -0.137 + 0.025  # within 25 mm of the clamp
     cut = answer.kind("crack")
     assert cut.lower < 1.05 * length
     assert cut.upper > 0.95 * length
@@ -169,13 +169,13 @@ def test_of_a_stack_that_was_assembled_anew_nothing_is_named():
 def test_a_change_of_a_stack_is_named_and_placed(what, kind, x, y):
     answer = answered(1, what)
     assert answer.left[0] == kind
-    own = answer.kind(kind)
-    assert abs(own.place[0] - x) < 0.1 * 0.465
-    assert abs(own.place[1] - y) < 0.0312 / 2.0
+    one = answer.kind(kind)
+    assert abs(one.place[0] - x) < 0.1 * 0.465
+    assert abs(one.place[1] - y) < 0.0312 / 2.0
     if what == "loose bolt":
-        assert own.part == "clamp 1"
+        assert one.part == "clamp 1"
     if what == "mass":
-        assert own.lower < 0.1 < own.upper
+        assert one.lower < 0.1 < one.upper
     assert answer.map.sum() == pytest.approx(1.0)
 
 

@@ -15,7 +15,7 @@ Study = Callable[[int, Path], Sequence[str]]
 
 
 def _rows(found: Any) -> list[str]:
-    return [own.row for own in found]
+    return [one.row for one in found]
 
 
 STUDIES: dict[str, tuple[Study, int]] = {

@@ -150,7 +150,7 @@ def study_of(cases: Sequence[tuple[int, str]], record: Path) -> list[Case]:
         print(f"seed {case.seed}, {case.kind}: {truth} -> {case.verdict} {left}", flush=True)
 
     with workers(len(cases)) as executor:
-        return study(cases, partial(run, SPECIFICATION), record, Case, lambda own: (own.seed, own.kind), executor, say)
+        return study(cases, partial(run, SPECIFICATION), record, Case, lambda one: (one.seed, one.kind), executor, say)
 
 
 def strengths(effect: Effect, rng: np.random.Generator) -> dict[str, float]:
@@ -250,7 +250,7 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
         values=values,
         verdict=decision.verdict,
         candidates=tuple(tuple(sorted(x.terms)) for x in decision.left),
-        ruled_out=tuple(sorted(set.intersection(*(set(ruled_out(own)) for own in left)))),
+        ruled_out=tuple(sorted(set.intersection(*(set(ruled_out(one)) for one in left)))),
         not_visible=not_visible(left[0]),
         covered=_covered(found, truth, values, whole),
         distance=float(np.sqrt(max(misfit(found.base, sizes) - misfit(true, sizes), 0.0))),
@@ -304,17 +304,17 @@ def _true(model: StackModel, found: Search, truth: tuple[str, ...], values: Mapp
     for nuisance in (base.x, np.where(held[: base.x.size], 0.0, base.x)):
         start = [coordinate_of(known[c.name], values[c.name]) for c in coordinates[base.x.size :]]
         fitted.append(explain(model, terms, found.setting, np.concatenate([nuisance, start])))
-    own = found.fitted.get(frozenset(truth))
-    return max(fitted if own is None else (own, *fitted), key=lambda x: x.log_evidence)
+    one = found.fitted.get(frozenset(truth))
+    return max(fitted if one is None else (one, *fitted), key=lambda x: x.log_evidence)
 
 
 def _covered(found: Search, truth: tuple[str, ...], values: Mapping[str, float], model: StackModel) -> tuple[bool, ...]:
-    own = found.fitted.get(frozenset(truth))
-    if own is None or not truth:
+    one = found.fitted.get(frozenset(truth))
+    if one is None or not truth:
         return ()
     return tuple(
         bool(abs(coordinate_of(model.parameters[c.name], values[c.name]) - at) <= _Z90 * std)
-        for c, at, std in list(zip(own.coordinates, own.x, own.std, strict=True))[own.n_nuisance :]
+        for c, at, std in list(zip(one.coordinates, one.x, one.std, strict=True))[one.n_nuisance :]
     )
 
 
@@ -325,18 +325,18 @@ def _bic(found: Search) -> tuple[str, ...]:
     return tuple(sorted(best.terms))
 
 
-def _predicted(model: StackModel, third: Assembled, own: Explanation) -> tuple[float, float]:
+def _predicted(model: StackModel, third: Assembled, one: Explanation) -> tuple[float, float]:
     """Return how far a configuration is that an explanation has not seen, its own G_f and d_f fitted.
 
     The first is the root mean square over frequencies and damping ratios in standard deviations, the second the mean
     relative error of frequencies.
     """
     unseen = model.of_tests(third.tested, third.observation)
-    coordinates = coordinates_of(unseen, [unseen.terms[name] for name in own.terms])
-    have = {c.name: x for c, x in zip(own.coordinates, own.x, strict=True)}
+    coordinates = coordinates_of(unseen, [unseen.terms[name] for name in one.terms])
+    have = {c.name: x for c, x in zip(one.coordinates, one.x, strict=True)}
     x = np.array([have.get(c.name, 0.0) for c in coordinates])
     local, state = unseen.about(coordinates, [x]), unseen.states[0]
-    noise, sizes = np.full(state.frequency.size, 1e-2 / np.sqrt(len(state.shape))), own.evidence.sizes
+    noise, sizes = np.full(state.frequency.size, 1e-2 / np.sqrt(len(state.shape))), one.evidence.sizes
     for step in range(_STEPS + 1):
         errors = equation_errors(state, local.modal(x, 0), noise, x.size)
         frequency = errors.frequency / np.hypot(sizes.stiffness / np.sqrt(2.0), state.frequency_std / state.frequency)

@@ -191,7 +191,7 @@ def _stack(seed: int) -> Measured:
                 break
             more *= 1.6
         modes.append(after)
-        values = {key: v for own in planted.values() for key, v in own.items()}
+        values = {key: v for one in planted.values() for key, v in one.items()}
         half = np.array([bench.length, bench.width]) / 2.0
         place: tuple[float, ...] = ()
         if name in ("loose bolt", "tight bolt", "removed mass"):
@@ -204,8 +204,8 @@ def _stack(seed: int) -> Measured:
     dofs = Dofs(node=np.arange(1, SHAKER), direction=np.tile([0.0, 0.0, 1.0], (SHAKER - 1, 1)))
     geometry = Geometry(node=np.arange(1, SHAKER + 1), coordinate=nominal, line=np.empty((0, 2), dtype=int))
     tests = []
-    for number, own in enumerate(modes):
-        frf, _ = states.measured(number, own)
+    for number, one in enumerate(modes):
+        frf, _ = states.measured(number, one)
         value = frf.reshape(SHAKER - 1, 1, -1)
         run = np.repeat(np.arange(len(frf)), frf.shape[1])
         tests.append(_identified(_name(number), states.frequency, value, dofs, SHAKER, run, geometry))
@@ -269,19 +269,19 @@ def _plate(seed: int) -> Measured:
     half = np.array([true.length, true.width]) / 2.0
 
     def assembled(number: int) -> tuple[Plate, np.random.Generator]:
-        own = np.random.default_rng([seed, 3, number])
-        held = np.exp(hold * own.standard_normal(2))
-        young = np.exp(5e-4 * own.standard_normal())
+        one = np.random.default_rng([seed, 3, number])
+        held = np.exp(hold * one.standard_normal(2))
+        young = np.exp(5e-4 * one.standard_normal())
         return dataclasses.replace(
             true, translation=true.translation * held[0], rotation=true.rotation * held[1], young=true.young * young
-        ), own
+        ), one
 
     def solve(plate: Plate, planted: dict[str, dict[str, float]]) -> tuple[np.ndarray, ...]:
         return plate.modes(22, place, planted)
 
     found = [solve(assembled(i)[0], {}) for i in range(len(REFERENCES) + 1)]
     seen = found[0][0] < PLATE_BAND[1]
-    logs = np.log([own[0][seen] for own in found])
+    logs = np.log([one[0][seen] for one in found])
     scatter = float(np.sqrt(2.0 * np.mean(np.var(logs, axis=0, ddof=1))))
     truth = [_truth("", {}, 0.0, scatter, (), np.nan)]
     for k, name in enumerate(kinds_of(seed, "plate")):
@@ -300,7 +300,7 @@ def _plate(seed: int) -> Measured:
         truth.append(
             _truth(name, values, moved, scatter, () if name == "softer mounting" else at, _plate_size(name, values))
         )
-    tests = [_plate_test(seed, i, own, nominal, (sensor, noise)) for i, own in enumerate(found)]
+    tests = [_plate_test(seed, i, one, nominal, (sensor, noise)) for i, one in enumerate(found)]
     return Measured(seed=seed, structure="plate", tests=tuple(tests), planted=tuple(truth))
 
 
@@ -312,7 +312,7 @@ def _plate_points() -> np.ndarray:
 
 def _plate_drawn(rng: np.random.Generator, name: str, more: float, half: np.ndarray) -> dict[str, dict[str, float]]:
     key, ranges, size, _ = PLATE_DRAWS[name]
-    values = {own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()}
+    values = {one: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for one, (low, high) in ranges.items()}
     values[size] = min(more * values[size], ranges[size][1])
     x, y = rng.uniform(-0.85, 0.85, 2) * half
     if key == "edge":
@@ -337,7 +337,7 @@ def _plate_size(name: str, values: dict[str, float]) -> float:
 
 
 def _moved(before: tuple[np.ndarray, ...], after: tuple[np.ndarray, ...]) -> float:
-    a, b = (own[2] / np.linalg.norm(own[2], axis=0) for own in (before, after))
+    a, b = (one[2] / np.linalg.norm(one[2], axis=0) for one in (before, after))
     alike = np.abs(a.T @ b)
     seen = (before[0] < PLATE_BAND[1]) & (before[0] > PLATE_BAND[0]) & (alike.max(axis=1) > 0.8)
     shift = np.abs(np.log(after[0][alike.argmax(axis=1)] / before[0]))
@@ -351,9 +351,9 @@ def _plate_test(
     rng = np.random.default_rng([seed, 4, number])
     frequency = np.arange(PLATE_BAND[0], PLATE_BAND[1] + PLATE_STEP / 2.0, PLATE_STEP)
     f, ratio, shape = modes
-    omega, own = 2.0 * np.pi * frequency, 2.0 * np.pi * f
+    omega, one = 2.0 * np.pi * frequency, 2.0 * np.pi * f
     force = shape[-1]
-    lines = (force / (own**2 - omega[:, None] ** 2 + 2j * ratio * own * omega[:, None])).T
+    lines = (force / (one**2 - omega[:, None] ** 2 + 2j * ratio * one * omega[:, None])).T
     value = -(omega**2) * (shape @ lines) * (1.0 + errors[0] * rng.standard_normal((len(shape), 1)))
     level = errors[1] * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True))
     value = value + level * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape))
@@ -423,7 +423,7 @@ def _pair(found: Measured, k: int, answer: WhatChanged, *, seen: bool) -> Pair:
     if name:
         right = DRAWS[name].right if found.structure == "stack" else PLATE_DRAWS[name][3]
     lead = answer.kind(answer.left[0]) if answer.left else None
-    sized = next((answer.kind(own) for own in answer.left if own in right), None)
+    sized = next((answer.kind(one) for one in answer.left if one in right), None)
     return Pair(
         seed=found.seed,
         state=k,
@@ -442,26 +442,26 @@ def _pair(found: Measured, k: int, answer: WhatChanged, *, seen: bool) -> Pair:
 
 def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
     """Yield what the pairs say."""
-    none = [own for own in pairs if not own.planted]
-    changed = [own for own in pairs if own.planted and own.moved >= FEWEST_SCATTERS]
-    named = [own for own in changed if own.left]
-    placed = [own for own in named if own.place and own.kind_place]
-    sized = [own for own in changed if np.isfinite(own.size) and own.kind_size]
-    bolts = [own for own in changed if own.planted == "loose bolt"]
+    none = [one for one in pairs if not one.planted]
+    changed = [one for one in pairs if one.planted and one.moved >= FEWEST_SCATTERS]
+    named = [one for one in changed if one.left]
+    placed = [one for one in named if one.place and one.kind_place]
+    sized = [one for one in changed if np.isfinite(one.size) and one.kind_size]
+    bolts = [one for one in changed if one.planted == "loose bolt"]
 
-    yield share("no change: changed or named", "at most 5 %", [own.changed for own in none])
-    yield share("no change: named", "at most 5 %", [bool(own.left) for own in none])
-    yield share("one change: changed", "97 %", [own.changed for own in changed])
-    yield share("one change: kind right or in the set", "80 %", [own.in_set for own in changed])
+    yield share("no change: changed or named", "at most 5 %", [one.changed for one in none])
+    yield share("no change: named", "at most 5 %", [bool(one.left) for one in none])
+    yield share("one change: changed", "97 %", [one.changed for one in changed])
+    yield share("one change: kind right or in the set", "80 %", [one.in_set for one in changed])
     yield share("one change: named, and not one of the names is right", "at most 5 %",
-                [bool(own.left) and not own.in_set for own in changed])  # fmt: skip
+                [bool(one.left) and not one.in_set for one in changed])  # fmt: skip
     yield share("one change: a wrong name first", "at most 5 %",
-                [bool(own.left) and own.left[0] not in own.right for own in changed])  # fmt: skip
-    yield share("location within a tenth of the length, of those named", "80 %", [own.placed for own in placed])
+                [bool(one.left) and one.left[0] not in one.right for one in changed])  # fmt: skip
+    yield share("location within a tenth of the length, of those named", "80 %", [one.placed for one in placed])
     yield share("intervals of 90 % hold the size", "80 to 97 %",
-                [own.kind_size[1] <= own.size <= own.kind_size[2] for own in sized])  # fmt: skip
+                [one.kind_size[1] <= one.size <= one.kind_size[2] for one in sized])  # fmt: skip
     yield share("loose bolts: the right clamp is in the answer", "80 %",
-                [own.in_set and own.part == f"clamp {own.values['number']:.0f}" for own in bolts])  # fmt: skip
+                [one.in_set and one.part == f"clamp {one.values['number']:.0f}" for one in bolts])  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -481,4 +481,4 @@ def study_of(number: int, record: Path, first: int = FIRST_SEED) -> list[Pair]:
     """Return the pairs of so many laboratories; those that a record holds are read back, others are added to it."""
     asked = [(seed,) for seed in range(first, first + number)]
     found = study(asked, solved, record, Laboratory, lambda case: (case.seed,))
-    return [pair for own in found for pair in own.pairs]
+    return [pair for one in found for pair in one.pairs]

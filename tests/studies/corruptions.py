@@ -110,36 +110,36 @@ def _answered(folder: Path) -> tuple[Outcome, str]:
     """Return what is said of a campaign; the diagnosis is asked where nothing was found before."""
     campaign = read_campaign(folder / "campaign.toml")
     assert campaign.stack is not None
-    measured = [read_measurement(campaign, own.name) for own in campaign.configurations]
-    checks = [check(own, campaign.identification.band) for own in measured]
-    models = [_identified(own, found) for own, found in zip(measured, checks, strict=True)]
+    measured = [read_measurement(campaign, one.name) for one in campaign.configurations]
+    checks = [check(one, campaign.identification.band) for one in measured]
+    models = [_identified(one, found) for one, found in zip(measured, checks, strict=True)]
     found = [*_findings(checks), *_of_campaign(campaign, measured, models), *_of_rig(campaign, models)]
     if found:
         return "named", found[0].replace(str(folder), "")
     stack = model.read_stack(campaign.stack)
     tested = [
-        (own.name, stack_in_state(stack, own).contact.pressure, modes)
-        for own, modes in zip(campaign.configurations, models, strict=True)
+        (one.name, stack_in_state(stack, one).contact.pressure, modes)
+        for one, modes in zip(campaign.configurations, models, strict=True)
     ]
     return _of_diagnosis(diagnose(stack, tested, model.catalogue(), reduced=cached_model))
 
 
 def _findings(checks: Sequence[tuple[Verdict, ...]]) -> Iterator[str]:
     for verdicts in checks:
-        for own in verdicts:
-            if own.level != "pass" and own.check not in _NO_FINDING and _BLIND not in own.message:
-                yield own.message
+        for one in verdicts:
+            if one.level != "pass" and one.check not in _NO_FINDING and _BLIND not in one.message:
+                yield one.message
 
 
 def _of_campaign(campaign: Campaign, measured: Sequence[Measurement], models: Sequence[ModalModel]) -> Iterator[str]:
-    yield from shared_functions({own.name: content_digests(own.frf) for own in measured})
+    yield from shared_functions({one.name: content_digests(one.frf) for one in measured})
     yield from contradicted(campaign.configurations, models, compare(models))
 
 
 def _of_rig(campaign: Campaign, models: Sequence[ModalModel]) -> Iterator[str]:
     assert campaign.stack is not None
-    for own, modes in zip(campaign.configurations, models, strict=True):
-        stack = stack_in_state(model.read_stack(campaign.stack), own)
+    for one, modes in zip(campaign.configurations, models, strict=True):
+        stack = stack_in_state(model.read_stack(campaign.stack), one)
         system = _reduced(campaign.stack.read_text(encoding="utf-8"), campaign.stack)
         yield from check_rig(system, stack.contact.pressure, modes, G_F_BOUNDS).findings
 
@@ -157,7 +157,7 @@ def _identified(measured: Measurement, found: tuple[Verdict, ...]) -> ModalModel
     """Return the modes of a measurement; of one that was identified before, those."""
     kept = usable(measured, found)
     frf, place = kept.frf, kept.geometry.coordinate.tobytes()
-    dofs = tuple(part.tobytes() for own in (frf.output, frf.input) for part in (own.node, own.direction))
+    dofs = tuple(part.tobytes() for one in (frf.output, frf.input) for part in (one.node, one.direction))
     key = (measured.name, content_digests(frf), frf.frequency.tobytes(), frf.quantity, dofs, place)
     if key not in _KNOWN:
         _KNOWN[key] = identify_frf(frf, kept.geometry, name=measured.name)
@@ -183,8 +183,8 @@ def study_of(seeds: Sequence[int], record: Path) -> list[Case]:
 
     return study(
         [(seed, kind) for seed in seeds for kind in CORRUPTIONS], made, record, Case,
-        lambda own: (own.seed, own.kind),
-        say=lambda own: print(f"{own.outcome:9s} {own.kind}: {own.said[:100]}", flush=True),
+        lambda one: (one.seed, one.kind),
+        say=lambda one: print(f"{one.outcome:9s} {one.kind}: {one.said[:100]}", flush=True),
     )  # fmt: skip
 
 

@@ -162,7 +162,7 @@ def fitted(folder: Path) -> tuple[int, float, float, float, dict[str, tuple[floa
     modes = as_measured(folder, test["frequency"], test["shape"], test["points"])
     begun = time.process_time()
     fit = fit_matrices(structure, modes)
-    found = {own.name: (own.value, own.std) for own in fit.moved}
+    found = {one.name: (one.value, one.std) for one in fit.moved}
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return structure.node.size, read, time.process_time() - begun, memory, found
 
@@ -175,8 +175,8 @@ def run(size: int, form: str) -> LargeCase:
     ):
         truth = pool.apply(write, (Path(name), size, form))
         n, read, fit, memory, found = pool.apply(fitted, (Path(name),))
-    own = [found[f"part_{j}"] for j in range(len(truth))]
-    error = float(max(abs(value - true) / std for (value, std), true in zip(own, truth, strict=True)))
+    one = [found[f"part_{j}"] for j in range(len(truth))]
+    error = float(max(abs(value - true) / std for (value, std), true in zip(one, truth, strict=True)))
     return LargeCase(size=size, form=form, n=n, read=read, fitted=fit, memory=memory, error=error)
 
 

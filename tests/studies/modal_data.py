@@ -61,9 +61,9 @@ def _reduced(bench: Sequence[Specimen]) -> Iterator[ReducedSystem]:
     shear = [c.pressure * c.G_f / first.configuration.pressure for c in states]
     G_f_range = (min(shear) / _BEYOND, max(shear) * _BEYOND)
     system = model.reduce(first.stack, G_f_range=G_f_range, n_snapshot=2, n_mode=N_MODE)
-    own = [{"pressure": c.pressure, "G_f": c.G_f, "d_f": c.d_f} for c in states]
-    system = enriched(system, own, N_MODE)
-    for specimen, theta in zip(bench, own, strict=True):
+    one = [{"pressure": c.pressure, "G_f": c.G_f, "d_f": c.d_f} for c in states]
+    system = enriched(system, one, N_MODE)
+    for specimen, theta in zip(bench, one, strict=True):
         yield replace(system, stack=specimen.stack, theta={**system.theta, **theta})
 
 

@@ -188,37 +188,37 @@ def run(seed: int, kind: str, world: str, stack: str = "shipped") -> OtherCase:
     )
 
 
-def _real(own: Explanation) -> float:
+def _real(one: Explanation) -> float:
     """Return the root mean square of what a fit leaves of frequencies, over the degrees of freedom that it leaves.
 
     Of modes that are set apart, none of the model's, the discrepancy says nothing.
     """
-    problem, size = own.problem, own.evidence.sizes.stiffness
-    n, m = len(log_ratios(own)[0]), own.errors[0].value.shape[1]
-    weight = np.vstack([e.weight @ (own.errors[0].shape.T @ e.shape).T for e in own.errors])
+    problem, size = one.problem, one.evidence.sizes.stiffness
+    n, m = len(log_ratios(one)[0]), one.errors[0].value.shape[1]
+    weight = np.vstack([e.weight @ (one.errors[0].shape.T @ e.shape).T for e in one.errors])
     of_frequency = np.zeros((n, n * m))  # half the Rayleigh quotient of the errors
     for row, a in enumerate(weight):
         of_frequency[row, m * row : m * (row + 1)] = 0.5 * a
-    _, jacobian, _ = whitened(problem, own.evidence.sizes)
-    precision = np.array([c.std**-2.0 for c in own.coordinates]) + 1e-12
+    _, jacobian, _ = whitened(problem, one.evidence.sizes)
+    precision = np.array([c.std**-2.0 for c in one.coordinates]) + 1e-12
     covariance = np.linalg.inv(jacobian.T @ jacobian + np.diag(precision))
     slope = of_frequency @ problem.jacobian
     fitted = np.einsum("ni,ij,nj->n", slope, covariance, slope)
     noise = problem.noise + size**2 * problem.discrepancy
     free = 1.0 - fitted / np.einsum("ni,ij,nj->n", of_frequency, noise, of_frequency)
-    numbered = [(c, r) for c, e in enumerate(own.errors) for r in range(len(e.value))]
-    of_model = np.array([mode not in own.apart for mode in numbered])
-    return float(np.sqrt(np.sum(log_ratios(own)[0][of_model] ** 2) / np.sum(np.clip(free[of_model], 0.02, 1.0))))
+    numbered = [(c, r) for c, e in enumerate(one.errors) for r in range(len(e.value))]
+    of_model = np.array([mode not in one.apart for mode in numbered])
+    return float(np.sqrt(np.sum(log_ratios(one)[0][of_model] ** 2) / np.sum(np.clip(free[of_model], 0.02, 1.0))))
 
 
 def _whole(of: StackModel, found: Search, first: Explanation, made: Simulated) -> float | None:
     """Return the root mean square by which frequencies differ from those of the model with the true stack's numbers."""
     planted = made.plan.planted
     true = {
-        own: _value(key, planted[key][name])
+        one: _value(key, planted[key][name])
         for key in planted
         if key in SAME
-        for name, own in PARAMETER.get(key, {}).items()
+        for name, one in PARAMETER.get(key, {}).items()
     }
     names = {c.name for c in first.coordinates[first.n_nuisance :]}
     if not names <= set(true):
@@ -240,19 +240,19 @@ def _true_nuisances(of: StackModel, made: Simulated, exponent: float) -> dict[st
         true |= {f"clamp_{i}_x": clamp.x - was.x, f"clamp_{i}_y": clamp.y - was.y}
     stiffness = np.array(
         [
-            np.log(own.G_f / stack.contact.G_f)
-            + exponent * np.log(own.pressure / tested.pressure)
+            np.log(one.G_f / stack.contact.G_f)
+            + exponent * np.log(one.pressure / tested.pressure)
             + (exponent - 1.0) * np.log(REFERENCE / PRESSURE_REFERENCE)
-            for own, tested in zip(made.bench, of.tested, strict=True)
+            for one, tested in zip(made.bench, of.tested, strict=True)
         ]
     )
     true |= {"G_f": float(np.mean(stiffness)), "d_f": float(np.log(bench.d_f / stack.contact.d_f))}
     away = zip(of.tested, stiffness - np.mean(stiffness), strict=True)
-    return true | {f"G_f[{tested.name}]": float(own) for tested, own in away}
+    return true | {f"G_f[{tested.name}]": float(one) for tested, one in away}
 
 
-def _left_out(found: Search, own: Explanation) -> tuple[float, float]:
-    errors = found.prediction(own).mode
+def _left_out(found: Search, one: Explanation) -> tuple[float, float]:
+    errors = found.prediction(one).mode
     return errors.frequency, errors.damping
 
 
@@ -306,7 +306,7 @@ def study_of(
     with ProcessPoolExecutor() as pool:
         return study(
             [(seed, kind, world, stack(seed)) for seed, kind in cases],
-            run, record, OtherCase, lambda own: (own.seed, own.kind, own.world, own.stack), pool, say,
+            run, record, OtherCase, lambda one: (one.seed, one.kind, one.world, one.stack), pool, say,
         )  # fmt: skip
 
 
@@ -330,7 +330,7 @@ def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
     yield share(
         "the same: identified, one of (with it), or partly explained (with it first)",
         "90 %",
-        [c.leads in c.truth or any(set(c.truth) <= set(own) for own in c.named) for c in seen],
+        [c.leads in c.truth or any(set(c.truth) <= set(one) for one in c.named) for c in seen],
     )
     yield share(
         "a wrong name first, over all cases with an effect of the catalogue",

@@ -177,8 +177,8 @@ def _shows(found: PooledSearch, case: PooledCase) -> bool:
     """Tell whether the planted effect, at its own level, lowers the errors of those that have it to `SHOWN`."""
     name = next(
         name
-        for name, own in found.model.meant.items()
-        if own.effect == case.truth and own.level.kind == case.kind and own.level.members == case.members
+        for name, one in found.model.meant.items()
+        if one.effect == case.truth and one.level.kind == case.kind and one.level.members == case.members
     )
     base, best = found.search.base, found.search.fitted.get(frozenset([name]))
     if best is None:
@@ -189,8 +189,8 @@ def _shows(found: PooledSearch, case: PooledCase) -> bool:
     return any(b < SHOWN * a for a, b in zip(before, after, strict=True))
 
 
-def _errors(found: PooledSearch, own: Explanation, members: Sequence[int]) -> tuple[float, float]:
-    errors = [own.errors[c] for s in members for c in found.model.states_of[s]]
+def _errors(found: PooledSearch, one: Explanation, members: Sequence[int]) -> tuple[float, float]:
+    errors = [one.errors[c] for s in members for c in found.model.states_of[s]]
     return (
         float(np.mean(np.abs(np.expm1(-np.concatenate([e.frequency for e in errors]))))),
         float(np.nanmean(np.abs(np.expm1(-np.concatenate([e.damping for e in errors]))))),
@@ -208,9 +208,9 @@ def judged(
         members=members,
         truth=next((str(TABLE[key].catalogue) for key in planted), ""),
         verdict=found.verdict,
-        named=tuple((own.effect, own.level, own.specimens) for own in found.best.parts),
-        left=tuple(tuple((own.effect, own.level) for own in each.parts) for each in found.ranking[: found.left]),
-        odd=tuple(own.name for own in found.specimens if own.odd),
+        named=tuple((one.effect, one.level, one.specimens) for one in found.best.parts),
+        left=tuple(tuple((one.effect, one.level) for one in each.parts) for each in found.ranking[: found.left]),
+        odd=tuple(one.name for one in found.specimens if one.odd),
         shows=False,
         alone=None,
     )
@@ -221,7 +221,7 @@ def study_of(number: int, world: SecondModel, record: Path) -> list[PooledCase]:
     models = shared_model(), shared_model()
     return study(
         planned(number), lambda seed, kind: solved(seed, kind, world, *models), record, PooledCase,
-        lambda own: (own.seed, own.kind),
+        lambda one: (one.seed, one.kind),
     )  # fmt: skip
 
 
@@ -232,25 +232,25 @@ def planned(number: int) -> list[tuple[int, str]]:
 
 def figures(cases: Sequence[PooledCase]) -> Iterator[Share]:
     """Yield what the cases say."""
-    planted = [own for own in cases if own.truth]
-    lone = [own for own in cases if own.kind == "specimen"]
-    others = [(own, f"S{s + 1}") for own in cases for s in range(N_SPECIMEN)]
-    innocent = [(own, name) for own, name in others if own.kind != "specimen" or name not in own.specimens]
+    planted = [one for one in cases if one.truth]
+    lone = [one for one in cases if one.kind == "specimen"]
+    others = [(one, f"S{s + 1}") for one in cases for s in range(N_SPECIMEN)]
+    innocent = [(one, name) for one, name in others if one.kind != "specimen" or name not in one.specimens]
 
-    yield share("effect and its level right", "85 %", [own.right for own in planted])
-    yield share("the same, of those that show", "85 %", [own.right for own in planted if own.shows])
+    yield share("effect and its level right", "85 %", [one.right for one in planted])
+    yield share("the same, of those that show", "85 %", [one.right for one in planted if one.shows])
     yield share(
-        "the same, and nothing else is named", "reported", [own.right and len(own.named) == 1 for own in planted]
+        "the same, and nothing else is named", "reported", [one.right and len(one.named) == 1 for one in planted]
     )
     for kind in KINDS[:-1]:
         yield share(
-            f"effect and its level right: of the {kind}", "reported", [own.right for own in planted if own.kind == kind]
+            f"effect and its level right: of the {kind}", "reported", [one.right for one in planted if one.kind == kind]
         )
-    yield share("the effect among those named, whosever", "reported", [own.effect_named for own in planted])
-    yield share("odd specimen found", "90 %", [own.specimens[0] in own.odd for own in lone])
-    yield share("the same, of those that show", "90 %", [own.specimens[0] in own.odd for own in lone if own.shows])
-    yield share("others called odd", "at most 5 %", [name in own.odd for own, name in innocent])
-    rig = [own for own in cases if own.alone is not None]
-    yield share("effects of the rig: named by all six", "reported", [own.effect_named for own in rig])
-    yield share("the same, by the first of them alone", "reported", [bool(own.alone) for own in rig])
-    yield share("nothing named where nothing is", "reported", [own.right for own in cases if not own.truth])
+    yield share("the effect among those named, whosever", "reported", [one.effect_named for one in planted])
+    yield share("odd specimen found", "90 %", [one.specimens[0] in one.odd for one in lone])
+    yield share("the same, of those that show", "90 %", [one.specimens[0] in one.odd for one in lone if one.shows])
+    yield share("others called odd", "at most 5 %", [name in one.odd for one, name in innocent])
+    rig = [one for one in cases if one.alone is not None]
+    yield share("effects of the rig: named by all six", "reported", [one.effect_named for one in rig])
+    yield share("the same, by the first of them alone", "reported", [bool(one.alone) for one in rig])
+    yield share("nothing named where nothing is", "reported", [one.right for one in cases if not one.truth])

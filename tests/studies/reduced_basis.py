@@ -90,12 +90,12 @@ def rows(cases: list[BasisCase]) -> list[str]:
     """Return for each strength the median and the largest error, and of which effect that is."""
     found = []
     for strength in STRENGTHS:
-        own = [c for c in cases if c.strength == strength]
-        if own:
-            worst = max(own, key=lambda c: c.error)
-            middle = float(np.median([c.error for c in own]))
+        one = [c for c in cases if c.strength == strength]
+        if one:
+            worst = max(one, key=lambda c: c.error)
+            middle = float(np.median([c.error for c in one]))
             found.append(
-                f"| strength {strength:g} | {len(own)} cases | median {100 * middle:.2g} % | "
+                f"| strength {strength:g} | {len(one)} cases | median {100 * middle:.2g} % | "
                 f"largest {100 * worst.error:.2g} % ({worst.effect} at G_f {worst.G_f:g}) |"
             )
     return found

@@ -111,7 +111,7 @@ def study(
     if executor is None:
         made = (partial(run, *arguments) for arguments in left)
     else:
-        made = (future.result for future in as_completed([executor.submit(run, *own) for own in left]))
+        made = (future.result for future in as_completed([executor.submit(run, *one) for one in left]))
     with record.open("a", encoding="utf-8") as file:
         for make in made:
             case = make()

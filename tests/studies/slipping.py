@@ -128,8 +128,8 @@ def run(seed: int, slips: bool, candidates: CandidateModel) -> SlippingCase:
         law = model.SlipLaw(friction=test.friction, exponent=test.exponent)
         slide = law.sliding_strain(test.G_f)
         truth = (float(law.softening(np.array([STRAIN / slide]))[0]), test.exponent)
-        own = model.SlipLaw(friction=1.0, exponent=values["slip_exponent"])
-        limit = STRAIN / max(own.reach(values["slip_softening"]), 1e-12) / slide
+        one = model.SlipLaw(friction=1.0, exponent=values["slip_exponent"])
+        limit = STRAIN / max(one.reach(values["slip_softening"]), 1e-12) / slide
     return SlippingCase(
         seed=seed,
         slips=slips,
@@ -158,7 +158,7 @@ def study_of(cases: Sequence[tuple[int, bool]], record: Path) -> list[SlippingCa
     with threadpool_limits(1, user_api="blas"):
         return study(
             cases, lambda seed, slips: run(seed, slips, _model()), record, SlippingCase,
-            lambda own: (own.seed, own.slips), say=say,
+            lambda one: (one.seed, one.slips), say=say,
         )  # fmt: skip
 
 

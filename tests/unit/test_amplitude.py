@@ -84,38 +84,38 @@ def levels():
 
 def test_a_leaning_resonance_gives_the_mode_at_its_amplitude(levels):
     found, (frequency, damping, amplitude) = levels[0]
-    linear, own = found.modal_model, resonances(found.frf, found.modal_model)
+    linear, one = found.modal_model, resonances(found.frf, found.modal_model)
     assert np.all(np.abs(linear.frequency / frequency - 1) > 2e-3)  # a pole is that of no amplitude
-    np.testing.assert_allclose(own.frequency, frequency, rtol=1e-4)
-    np.testing.assert_allclose(own.damping, damping, rtol=1e-2)
-    np.testing.assert_allclose(own.response[0, 0], amplitude * np.abs(SHAPE[0]), rtol=1e-2)
+    np.testing.assert_allclose(one.frequency, frequency, rtol=1e-4)
+    np.testing.assert_allclose(one.damping, damping, rtol=1e-2)
+    np.testing.assert_allclose(one.response[0, 0], amplitude * np.abs(SHAPE[0]), rtol=1e-2)
 
 
 def test_a_linear_structure_is_left_as_it_is():
     found, (frequency, damping, amplitude) = level(1.0, drop=0.0)
-    own = resonances(found.frf, found.modal_model)
-    assert np.all(np.abs(own.frequency - frequency) < 4 * own.frequency_std)
-    assert np.all(np.abs(own.damping - damping) < 4 * own.damping_std)
-    np.testing.assert_allclose(own.response[0, 0], amplitude * np.abs(SHAPE[0]), rtol=5e-3)
+    one = resonances(found.frf, found.modal_model)
+    assert np.all(np.abs(one.frequency - frequency) < 4 * one.frequency_std)
+    assert np.all(np.abs(one.damping - damping) < 4 * one.damping_std)
+    np.testing.assert_allclose(one.response[0, 0], amplitude * np.abs(SHAPE[0]), rtol=5e-3)
 
 
 def test_a_window_is_taken_out_here_as_in_the_poles():
     found, _ = level(1.0, drop=0.0)
     windowed = replace(found.modal_model, decay_rate=2.0)
-    own, plain = (resonances(found.frf, model) for model in (windowed, found.modal_model))
-    np.testing.assert_allclose(plain.damping - own.damping, 2.0 / (2 * np.pi * plain.frequency), rtol=1e-6)
+    one, plain = (resonances(found.frf, model) for model in (windowed, found.modal_model))
+    np.testing.assert_allclose(plain.damping - one.damping, 2.0 / (2 * np.pi * plain.frequency), rtol=1e-6)
 
 
 def test_few_lines_leave_the_mode_as_it_was_identified():
     found, _ = level(1.0, drop=0.0)
     thin = replace(found.frf, frequency=FREQUENCY[::8], value=found.frf.value[..., ::8])
-    own = resonances(thin, found.modal_model)
-    np.testing.assert_array_equal(own.frequency, found.modal_model.frequency)
-    np.testing.assert_allclose(own.response[0, 0], resonances(found.frf, found.modal_model).response[0, 0], rtol=2e-2)
+    one = resonances(thin, found.modal_model)
+    np.testing.assert_array_equal(one.frequency, found.modal_model.frequency)
+    np.testing.assert_allclose(one.response[0, 0], resonances(found.frf, found.modal_model).response[0, 0], rtol=2e-2)
 
 
 def test_modes_are_followed_over_levels_in_the_order_of_the_force(levels):
-    found = amplitude_dependence("M1", [own for own, _ in levels])
+    found = amplitude_dependence("M1", [one for one, _ in levels])
     assert found.level == ("0.01 N", "0.1 N", "1 N")
     assert found.point == "1+z"
     truth = [t for _, t in reversed(levels)]
@@ -151,7 +151,7 @@ def test_a_linear_structure_is_not_said_to_slip():
 
 
 def test_the_figure_has_a_line_for_every_mode(levels):
-    left, right = amplitude_figure(amplitude_dependence("M1", [own for own, _ in levels])).axes
+    left, right = amplitude_figure(amplitude_dependence("M1", [one for one, _ in levels])).axes
     assert len(left.containers) == len(right.containers) == 2
     assert left.get_xlabel() == "displacement amplitude at 1+z [µm]"
 

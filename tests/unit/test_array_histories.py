@@ -171,8 +171,8 @@ def test_a_file_of_labview_that_is_cut_off_gives_the_hits_that_are_whole(tmp_pat
     (tmp_path / "a.tdms").write_bytes(whole[:-3000])
     (left,) = read_histories(tmp_path / "a.tdms", layout, matlab=False)
     assert len(left) == len(every) - 1
-    for own, there in zip(left, every, strict=False):
-        for a, b in zip(own, there, strict=True):
+    for one, there in zip(left, every, strict=False):
+        for a, b in zip(one, there, strict=True):
             np.testing.assert_array_equal(a.value, b.value)
     keys = 'history = ["hit */Force", "hit */ai1", "hit */ai2"]\naxes = ["hit", "time"]\nsampling_Hz = 2560'
     notes = measured(tmp_path, variables(keys), RUN.format('"a.tdms"')).notes
@@ -203,11 +203,11 @@ def structures(file, hits):
     with h5py.File(file, "w") as written:
         parts = {"force": [h[:1] for h in hits], "acc": [h[1:] for h in hits]}
         apart = {
-            field: [written.create_dataset(f"#refs#/{field}{k}", data=v.T).ref for k, v in enumerate(own)]
-            for field, own in parts.items()
+            field: [written.create_dataset(f"#refs#/{field}{k}", data=v.T).ref for k, v in enumerate(one)]
+            for field, one in parts.items()
         }
-        for field, own in apart.items():
-            written.create_dataset(f"data/{field}", data=np.array(own, dtype=h5py.ref_dtype)[:, None])
+        for field, one in apart.items():
+            written.create_dataset(f"data/{field}", data=np.array(one, dtype=h5py.ref_dtype)[:, None])
         cell = written.create_dataset("acc", data=np.array(apart["acc"], dtype=h5py.ref_dtype)[:, None])
         cell.attrs["MATLAB_class"] = np.bytes_("cell")
         written["fs"] = np.array([[RATE]])

@@ -82,9 +82,9 @@ def nearly_linear(seed, height, width):
     square = (2j * np.pi * LINES) ** 2
     value = functions(rng, pole=STRONG) / square
     off = gaussian_filter1d(rng.standard_normal((2, *value.shape)), width, axis=2)
-    own = functions(rng, pole=np.array([WEAK])) / square
-    own *= height * np.abs(value).max() / np.abs(own).max()
-    return value * (1.0 + 0.2 * (off[0] + 1j * off[1]) / (np.sqrt(2.0) * off.std())) + own
+    one = functions(rng, pole=np.array([WEAK])) / square
+    one *= height * np.abs(value).max() / np.abs(one).max()
+    return value * (1.0 + 0.2 * (off[0] + 1j * off[1]) / (np.sqrt(2.0) * off.std())) + one
 
 
 def test_the_misfit_of_strong_modes_far_away_does_not_make_a_weak_one_common():

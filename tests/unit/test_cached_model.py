@@ -69,9 +69,9 @@ def test_effects_of_the_users_own_are_reduced_anew_for_their_code_may_change(mad
     def terms(assembly):
         return EFFECTS["clamp_mass"].terms(assembly)
 
-    own = {**EFFECTS, "clamp_mass": dataclasses.replace(EFFECTS["clamp_mass"], terms=terms)}
+    one = {**EFFECTS, "clamp_mass": dataclasses.replace(EFFECTS["clamp_mass"], terms=terms)}
     for _ in range(2):
-        cached_model(STACK, INSTRUMENTS, own)
+        cached_model(STACK, INSTRUMENTS, one)
     assert len(made) == 2
     assert not (tmp_path / "cache").exists()
 
@@ -114,9 +114,9 @@ def test_the_file_of_another_stack_is_not_taken(made, tmp_path, reduced):
     other = dataclasses.replace(STACK, height=1.001 * STACK.height)
     for stack in (STACK, other):
         cached_model(stack, INSTRUMENTS, EFFECTS)
-    own, renamed = (tmp_path / "cache").iterdir()
-    content = own.read_bytes(), renamed.read_bytes()
-    own.write_bytes(content[1])
+    one, renamed = (tmp_path / "cache").iterdir()
+    content = one.read_bytes(), renamed.read_bytes()
+    one.write_bytes(content[1])
     renamed.write_bytes(content[0])
     assert same(cached_model(STACK, INSTRUMENTS, EFFECTS), reduced)
     assert len(made) == 3
@@ -159,10 +159,10 @@ def test_a_file_chooses_no_code_but_factors_of_effects(written):
 
 def test_every_shipped_effect_can_be_written(tmp_path):
     """What cannot be is reduced at every start."""
-    own = {effect.name: effect for effect in shipped()}
+    each = {effect.name: effect for effect in shipped()}
     plain = assemble(STACK)
-    assembly = assemble(STACK.with_effects(*(effect for effect in own.values() if _possible(effect, plain))))
-    special = module._special(own.values())
+    assembly = assemble(STACK.with_effects(*(effect for effect in each.values() if _possible(effect, plain))))
+    special = module._special(each.values())
     graph = flattened(assembly, module._TYPES, special)
     write_arrays(tmp_path / "file", graph, {})
     found = restored(read_arrays(tmp_path / "file", {}), module._TYPES, special)

@@ -44,9 +44,9 @@ order = 8
 def folder(tmp_path):
     """A folder with the functions of a bar of two modes, and its points."""
     x = np.linspace(0, 1, N)
-    omega, own = 2 * np.pi * FREQUENCY, 2 * np.pi * np.array([110.0, 190.0])
+    omega, one = 2 * np.pi * FREQUENCY, 2 * np.pi * np.array([110.0, 190.0])
     shape = np.cos(np.pi * np.outer(x, [2, 3])) + 0.1
-    value = (shape * shape[0]) @ (-(omega**2) / (own[:, None] ** 2 - omega**2 + 0.02j * own[:, None] * omega))
+    value = (shape * shape[0]) @ (-(omega**2) / (one[:, None] ** 2 - omega**2 + 0.02j * one[:, None] * omega))
     rng = np.random.default_rng(0)
     value = value + 0.01 * (rng.normal(size=value.shape) + 1j * rng.normal(size=value.shape))
     columns = [FREQUENCY, *(part for v in value for part in (v.real, v.imag))]

@@ -49,21 +49,21 @@ def system(n_lamina, held, clamps=()):
 
 
 def fields(n_lamina, held=False, m=10, clamps=()):
-    own = system(n_lamina, held, clamps)
-    stiffness, mass = own.matrix("K", own.theta), own.matrix("M", own.theta)
-    return own, Fields(own, la.eigh(stiffness, mass)[1][:, :m], own.theta, (100.0, 1000.0))
+    one = system(n_lamina, held, clamps)
+    stiffness, mass = one.matrix("K", one.theta), one.matrix("M", one.theta)
+    return one, Fields(one, la.eigh(stiffness, mass)[1][:, :m], one.theta, (100.0, 1000.0))
 
 
 CLAMPS = tuple(model.Clamp(mass=0.3, x=x, y=0.0, footprint=(0.03, 0.1)) for x in (-0.08, 0.05))
 
 
-def projected(own, made, name):
-    vectors = la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta))[1][:, : made.n_mode]
-    term = next(t for t in own.terms if t.name == name)
+def projected(one, made, name):
+    vectors = la.eigh(one.matrix("K", one.theta), one.matrix("M", one.theta))[1][:, : made.n_mode]
+    term = next(t for t in one.terms if t.name == name)
     matrix = term.matrix
     if not isinstance(matrix, np.ndarray):
         matrix = matrix.range @ matrix.core @ matrix.range.T
-    return term.factor(own.theta) * vectors.T @ matrix @ vectors
+    return term.factor(one.theta) * vectors.T @ matrix @ vectors
 
 
 def squared(rows, weight):
@@ -72,39 +72,39 @@ def squared(rows, weight):
 
 @pytest.mark.parametrize("n_lamina", [1, 12])
 def test_rows_of_strain_and_motion_make_the_matrices_of_the_model(n_lamina):
-    own, made = fields(n_lamina)
+    one, made = fields(n_lamina)
     whole, area = made.layers[0], made.grid.area
     for found, name in (
         (squared(made.strain(whole), area), "laminas"),
         (made.mass / area.sum() * squared(made.motion(whole), area), "lamina mass"),
     ):
-        expected = projected(own, made, name)
+        expected = projected(one, made, name)
         assert np.abs(found - expected).max() < 0.03 * np.abs(expected).max()
 
 
 def test_rows_of_contact_make_the_matrices_of_the_model_and_layers_sum_to_the_whole():
-    own, made = fields(12)
+    one, made = fields(12)
     area = made.grid.area
     slip, opening = made.slip_and_opening(made.layers[0])
     for rows, name in ((slip, "tangential contact"), (opening, "normal contact")):
-        expected = projected(own, made, name)  # openings vary faster than a trapezoidal rule likes
+        expected = projected(one, made, name)  # openings vary faster than a trapezoidal rule likes
         assert np.abs(squared(rows, area) - expected).max() < 0.06 * np.abs(expected).max()
     whole, *thirds = (squared(made.contact(layer), area) for layer in made.layers)
     np.testing.assert_allclose(sum(thirds), whole, atol=1e-9 * np.abs(whole).max())
 
 
 def test_rows_of_clamps_make_their_masses():
-    own, made = fields(12, clamps=CLAMPS)
+    one, made = fields(12, clamps=CLAMPS)
     for i, rows in enumerate(made.clamps):
-        expected = projected(own, made, f"clamp {i} mass")
+        expected = projected(one, made, f"clamp {i} mass")
         np.testing.assert_allclose(rows.T @ rows, expected, atol=1e-9 * np.abs(expected).max())
 
 
 def test_rows_of_a_held_edge_make_its_stiffness():
-    own, made = fields(1, held=True)
+    one, made = fields(1, held=True)
     (edge,) = held_edges(made)
     found = squared(edge.moving, edge.weight) + squared(edge.turning, edge.weight)
-    expected = projected(own, made, "support 0")
+    expected = projected(one, made, "support 0")
     assert np.abs(found - expected).max() < 0.01 * np.abs(expected).max()
 
 
@@ -135,14 +135,14 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be():
 
 def test_kinds_that_differ_by_their_sign_are_weighed_once():
     _, made = fields(12)
-    own = {kind.name: kind for kind in kinds()}
+    each = {kind.name: kind for kind in kinds()}
     at, _ = made.locations()
     m = made.n_mode
     actions = Actions(Measured(weight=np.eye(m)[:4], eigenvalue=np.ones(4), scale=np.ones((4, m))))
     for less, more in (
         ("softer_patch", "stiffer_patch"), ("lost_contact", "glued_patch"), ("removed_mass", "added_mass"),
     ):  # fmt: skip
-        pair = [own[name].candidates(made, at) for name in (less, more)]
+        pair = [each[name].candidates(made, at) for name in (less, more)]
         for one, other in zip(pair[0].parts, pair[1].parts, strict=True):
             assert one.weight is other.weight
         found = [actions.of(candidates) for candidates in pair]
@@ -186,25 +186,25 @@ POINTS = np.stack(np.meshgrid(np.linspace(-0.14, 0.14, 7), np.linspace(-0.05, 0.
 
 def changed_plate(planted):
     """Return a plate with a state that its whole equations of motion give, and the errors of that without a change."""
-    own, made = fields(1, held=True, m=7)
-    stiffness, mass = (own.assembly.matrix(target, own.theta).toarray() for target in "KM")
-    more_stiff, more_mass = planted(own.assembly)
+    one, made = fields(1, held=True, m=7)
+    stiffness, mass = (one.assembly.matrix(target, one.theta).toarray() for target in "KM")
+    more_stiff, more_mass = planted(one.assembly)
     square, vector = la.eigh(stiffness + more_stiff, mass + more_mass, subset_by_index=[0, 4])
-    return beside_reference(own, made, square, sensors_of(own) @ vector)
+    return beside_reference(one, made, square, sensors_of(one) @ vector)
 
 
-def sensors_of(own):
-    sensors = np.zeros((len(POINTS), own.assembly.size))
-    sensors[:, own.assembly.slices()["w"]] = own.assembly.plan.point_rows("w", POINTS).toarray()
+def sensors_of(one):
+    sensors = np.zeros((len(POINTS), one.assembly.size))
+    sensors[:, one.assembly.slices()["w"]] = one.assembly.plan.point_rows("w", POINTS).toarray()
     return sensors
 
 
-def beside_reference(own, made, square, shape):
+def beside_reference(one, made, square, shape):
     """Return modes of a changed plate beside the plate itself, the errors of that, and which equations bend."""
     value, low = (
-        part[..., : made.n_mode] for part in la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta))
+        part[..., : made.n_mode] for part in la.eigh(one.matrix("K", one.theta), one.matrix("M", one.theta))
     )  # the modes of `made`
-    sensors, size = sensors_of(own), np.linalg.norm(shape, axis=0)
+    sensors, size = sensors_of(one), np.linalg.norm(shape, axis=0)
     seen = size > 1e-3 * size.max()  # others move in the plane
     square, shape = square[seen], (shape / np.maximum(size, 1e-300))[:, seen]
     n, no = np.count_nonzero(seen), np.zeros(0)
@@ -215,7 +215,7 @@ def beside_reference(own, made, square, shape):
     )  # fmt: skip
     none = np.zeros(0, dtype=int)
     modal = Modal(
-        eigenvalue=value, n_rigid=0, shape=low, rows=sensors @ own.basis @ low, moves=none, stiffness=no, mass=no,
+        eigenvalue=value, n_rigid=0, shape=low, rows=sensors @ one.basis @ low, moves=none, stiffness=no, mass=no,
         damping=np.zeros((1, made.n_mode, made.n_mode)), damps=none, damping_change=no, looks=none, row_change=no,
         beyond=no, beyond_rows=no, beyond_stiffness=no, beyond_mass=no,
     )  # fmt: skip
@@ -238,11 +238,11 @@ def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(
         return (0.0 * added, added) if name == "added_mass" else (added, 0.0 * added)
 
     at, error, seen = changed_plate(planted)
-    kind = next(own for own in kinds() if own.name == name)
+    kind = next(one for one in kinds() if one.name == name)
     candidates = kind.candidates(at.structure, place)
     left = error + Condensed(at).change(kind, candidates, 0)(np.array([size]))[0].reshape(error.shape)
     first = error + size * Actions(at.ours).of(candidates)[0]
-    error, left, first = (own[:, seen] for own in (error, left, first))
+    error, left, first = (one[:, seen] for one in (error, left, first))
     assert np.linalg.norm(first) > 5e-3 * np.linalg.norm(error)
     assert np.linalg.norm(left) < 0.4 * np.linalg.norm(first)
 
@@ -256,7 +256,7 @@ def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(
 )
 def test_a_long_crack_and_a_large_hole_act_as_other_finite_elements_have_them(name, planted, number):
     """To first order they take far more than that: what is left carries less than it did."""
-    own, made = fields(1, held=True, m=12)
+    one, made = fields(1, held=True, m=12)
     scale = float(np.sqrt(0.3 * 0.12))
     (values,) = planted.values()
     size = "length" if name == "crack" else "diameter"
@@ -266,14 +266,14 @@ def test_a_long_crack_and_a_large_hole_act_as_other_finite_elements_have_them(na
         rotation=1e3, mesh=(8, 14),
     )  # fmt: skip
     f, _, shape = plate.modes(4, POINTS[:, ::-1], {name: values | {size: values[size] * scale}})
-    at, error, seen = beside_reference(own, made, (2.0 * np.pi * f) ** 2, shape)
-    kind = next(own for own in kinds() if own.name == name)
+    at, error, seen = beside_reference(one, made, (2.0 * np.pi * f) ** 2, shape)
+    kind = next(one for one in kinds() if one.name == name)
     candidates = kind.candidates(made, np.array([[values["y"], values["x"]]]))
     (i, *_) = np.flatnonzero(candidates.form == number)
     assert kind.value(candidates.only(np.array([i])), np.ones(1))[0] == pytest.approx(values[size] * scale)
     left = error + Condensed(at).change(kind, candidates, int(i))(np.ones(1))[0].reshape(error.shape)
     first = error + Actions(at.ours).of(candidates)[i]
-    error, left, first = (own[:, seen] for own in (error, left, first))
+    error, left, first = (one[:, seen] for one in (error, left, first))
     assert np.linalg.norm(left) < 0.3 * np.linalg.norm(error)
     assert np.linalg.norm(left) < 0.6 * np.linalg.norm(first)
 
@@ -295,11 +295,11 @@ def test_of_two_modes_that_look_alike_the_nearer_one_is_the_same():
 
 def test_two_roving_accelerometers_that_read_otherwise_are_no_change():
     """One at each side of a plate, put back so that they differ by 3 % more than in the reference."""
-    own, made = fields(1, held=True, m=7)
-    square, vector = (part[..., :5] for part in la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta)))
+    one, made = fields(1, held=True, m=7)
+    square, vector = (part[..., :5] for part in la.eigh(one.matrix("K", one.theta), one.matrix("M", one.theta)))
     sensor = (POINTS[:, 1] > 0.0).astype(int)
-    shape = (sensors_of(own) @ own.basis @ vector) * (1.0 + 0.03 * sensor)[:, None]
-    at, *_ = beside_reference(own, made, 1.002 * square, shape)
+    shape = (sensors_of(one) @ one.basis @ vector) * (1.0 + 0.03 * sensor)[:, None]
+    at, *_ = beside_reference(one, made, 1.002 * square, shape)
     (errors,) = at.joint.errors
     modal, n = errors.latent.modal, len(errors.eigenvalue)
     state = State(

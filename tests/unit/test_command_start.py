@@ -45,8 +45,8 @@ def test_help_needs_no_numbers():
     """Nor the modules that do what the commands say: of this package there are the words alone."""
     asked = imported("".join(ASK.format(words=words) for words in (["--help"], *([c, "--help"] for c in EVERY))))
     assert asked & (DRAWING | SERVING | READING | NUMBERS) == set()
-    own = {name for name in asked if name.startswith("updating.commands.")}
-    assert own == {f"updating.commands.{name}" for name in ("command_line", "terminal")}
+    one = {name for name in asked if name.startswith("updating.commands.")}
+    assert one == {f"updating.commands.{name}" for name in ("command_line", "terminal")}
 
 
 def test_a_command_begins_without_what_it_may_need_later():

@@ -41,10 +41,10 @@ def model(name, frequency, factor=1.0, force=9):
 
 
 def findings(first, second, frequency=FREQUENCY, factor=1.0, force=9):
-    own = np.array(frequency)
+    one = np.array(frequency)
     names = (first.name, second.name)
-    comparison = Comparison(name=names, frequency=own, frequency_std=own, damping=own, damping_std=own, mac=own)
-    models = [model(names[0], own[0]), model(names[1], own[1], factor, force)]
+    comparison = Comparison(name=names, frequency=one, frequency_std=one, damping=one, damping_std=one, mac=one)
+    models = [model(names[0], one[0]), model(names[1], one[1], factor, force)]
     return contradicted([first, second], models, comparison)
 
 
@@ -189,7 +189,7 @@ def campaign(tmp_path, campaign_text):
 
 def test_a_reference_may_be_a_name_or_a_list(campaign):
     found = campaign(A="", B='repeat_of = "A"', C='compare_to = "A"', D='compare_to = ["A", "C"]')
-    assert [own.compare_to for own in found.configurations] == [(), (), ("A",), ("A", "C")]
+    assert [one.compare_to for one in found.configurations] == [(), (), ("A",), ("A", "C")]
     assert found.configuration("B").repeat_of == "A"
     assert found.reassembly.frequency == 0.003
 

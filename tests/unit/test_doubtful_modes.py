@@ -25,8 +25,8 @@ from tests.unit.test_selection import LINES, beam, functions, identified
 def with_turned_mode(angle, size=0.3):
     """Three modes, and one on the flank of the strongest whose residues are turned as one."""
     frf = functions([80, 190, 330], [0.01] * 3, beam(12, 3), 1e-4)
-    s, own = 2j * np.pi * LINES, 2 * np.pi * 250
-    weak = s**2 / (s**2 + 2 * 0.02 * own * s + own**2)
+    s, one = 2j * np.pi * LINES, 2 * np.pi * 250
+    weak = s**2 / (s**2 + 2 * 0.02 * one * s + one**2)
     shape = size * np.random.default_rng(3).choice([-1, 1], 12) * np.exp(1j * np.radians(angle))
     return replace(frf, value=frf.value + (shape[:, None] * weak)[:, None])
 
@@ -153,7 +153,7 @@ def test_a_column_that_is_no_mode_is_given_with_its_reason(chart_functions: FRF)
     noise, twin = 2 * np.pi * np.array([500.0, 300.4]) * (-0.004 + 1j)
     modes = found.pole
     shown = replace(diagram, chosen=np.sort_complex(np.append(modes, [noise, twin]) / 1j) * 1j)
-    reasons = {round(own.frequency): own.reason for own in dropped_columns(shown, chart_functions, found)}
+    reasons = {round(one.frequency): one.reason for one in dropped_columns(shown, chart_functions, found)}
     assert reasons == {
         500: "beside the modes that were taken it does not stand out of the noise",
         300: f"the mode of the column at {found.frequency[1]:.1f} Hz once more",

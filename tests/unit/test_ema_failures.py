@@ -20,11 +20,11 @@ input = ["1+z"]
 def campaign(tmp_path, campaign_text):
     """A campaign of four configurations: two sound ones, one of noise alone and one with too few points stated."""
     x = np.linspace(0, 1, N)
-    omega, own = 2 * np.pi * FREQUENCY, 2 * np.pi * 110.0
+    omega, one = 2 * np.pi * FREQUENCY, 2 * np.pi * 110.0
     shape = np.cos(2 * np.pi * x) + 0.1
     rng = np.random.default_rng(0)
     noise = 0.01 * (rng.normal(size=(N, FREQUENCY.size)) + 1j * rng.normal(size=(N, FREQUENCY.size)))
-    signal = np.outer(shape * shape[0], -(omega**2) / (own**2 - omega**2 + 0.02j * own * omega))
+    signal = np.outer(shape * shape[0], -(omega**2) / (one**2 - omega**2 + 0.02j * one * omega))
     for name, value in {"sound": signal + noise, "noise": noise}.items():
         columns = [FREQUENCY, *(part for v in value for part in (v.real, v.imag))]
         np.savetxt(tmp_path / f"{name}.csv", np.column_stack(columns), delimiter=",")

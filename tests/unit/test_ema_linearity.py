@@ -24,9 +24,9 @@ STATE = Configuration(name="a", stack=None, torque=None, pressure=None, height=N
 
 def measured(name="a", *, modes=MODES, damping=0.01, frequency=FREQUENCY, noise=0.02, seed=0, points=N):
     """Return the first points of a bar with three smooth shapes, force at point 1."""
-    omega, own = 2 * np.pi * frequency, 2 * np.pi * modes
+    omega, one = 2 * np.pi * frequency, 2 * np.pi * modes
     shape = np.cos(np.pi * np.outer(X, [2, 3, 4])) + 0.1
-    mode = -(omega**2) / (own[:, None] ** 2 - omega**2 + 2j * damping * own[:, None] * omega)
+    mode = -(omega**2) / (one[:, None] ** 2 - omega**2 + 2j * damping * one[:, None] * omega)
     value = (shape * shape[0]) @ mode
     rng = np.random.default_rng(seed)
     rms = np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True) / 2)

@@ -24,9 +24,9 @@ def test_ten_configurations_of_many_modes_keep_their_names_and_cells():
     assert "…" not in text
     rows = [line for line in text.splitlines() if any(name in line for name in names)]
     assert len(rows) == 3 * len(names)
-    for name, own in zip(names, frequency, strict=True):
+    for name, each in zip(names, frequency, strict=True):
         mine = " ".join(row for row in rows if name in row)
-        assert all(f"{f:.1f}  1.00" in mine for f in own)
+        assert all(f"{f:.1f}  1.00" in mine for f in each)
 
 
 def test_modes_below_one_hertz_are_told_apart():

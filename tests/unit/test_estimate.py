@@ -238,13 +238,13 @@ def channels(kinds, value):
         MeasuredFunction(
             kind=kind,
             abscissa=np.arange(value.shape[1]) / RATE,
-            value=own,
+            value=one,
             quantity=None if kind == "force" else "accelerance",
             output=(k, 3),
             input=None,
             source=f"run.uff: data set {k}",
         )
-        for k, (kind, own) in enumerate(zip(kinds, value, strict=True), start=1)
+        for k, (kind, one) in enumerate(zip(kinds, value, strict=True), start=1)
     )
 
 
@@ -287,10 +287,10 @@ def record(hits, n_sample=10_000, noise=1e-3, offset=0.02):
 def estimated(value, averaging=AVERAGING):
     channels = tuple(
         MeasuredFunction(
-            kind=kind, abscissa=np.arange(own.size) / RATE, value=own, output=(1, 3), input=None,
+            kind=kind, abscissa=np.arange(one.size) / RATE, value=one, output=(1, 3), input=None,
             quantity=None if kind == "force" else "accelerance", source=f"a.uff: data set {k}",
         )
-        for k, (kind, own) in enumerate(zip(("force", "response"), value, strict=True), start=1)
+        for k, (kind, one) in enumerate(zip(("force", "response"), value, strict=True), start=1)
     )  # fmt: skip
     notes = []
     ((frf, coherence, _, _),) = frfs_from_records([(Path("a.uff"), channels)], averaging, notes)

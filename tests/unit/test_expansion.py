@@ -61,8 +61,8 @@ def test_expansion_meets_the_whole_mode(expanded, system):
     test, _, found = expanded
     mass = system.matrix("M", system.theta)
     at_points = seen(test)[:6]
-    own = np.diag(cross_orthogonality(found.coordinate, test.coordinate[:, :6], mass))
-    assert own[at_points].min() > 0.995
+    one = np.diag(cross_orthogonality(found.coordinate, test.coordinate[:, :6], mass))
+    assert one[at_points].min() > 0.995
     assert found.matched[at_points].min() > 0.999
     assert found.condition < 20.0
 

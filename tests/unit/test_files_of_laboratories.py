@@ -479,7 +479,7 @@ def test_several_functions_beside_one_frequency_are_read_and_a_time_is_none(tmp_
     f = np.arange(0.0, 200.0, 0.5)
     value = np.array([np.exp(1j * f / (30.0 + k)) for k in range(3)])
     savemat(
-        tmp_path / "all.mat", {"FRF": np.column_stack([f, *(part for own in value for part in (own.real, own.imag))])}
+        tmp_path / "all.mat", {"FRF": np.column_stack([f, *(part for one in value for part in (one.real, one.imag))])}
     )
     dofs = {"output": '["1+z", "2+z", "3+z"]', "input": '["1+z"]'}
     measured = measured_as_drafted(tmp_path, unit='"(m/s2)/N"', **dofs)

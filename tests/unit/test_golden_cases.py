@@ -86,7 +86,7 @@ def test_a_saved_case_is_read_back(quick, tmp_path):
     assert case.meta == again.meta
     assert case.truth == again.truth
     np.testing.assert_array_equal(case.tested[1][2].frequency, again.tested[1][2].frequency)
-    assert [own.meta for own in saved(tmp_path)] == [case.meta]
+    assert [one.meta for one in saved(tmp_path)] == [case.meta]
 
 
 def test_seeds_of_the_two_models_are_apart():
@@ -133,22 +133,22 @@ def test_answers_of_the_published_figures_are_records(tmp_path):
     records = list(published())
     file = tmp_path / "published.jsonl"
     file.write_text("".join(map(line, records)), encoding="utf-8")
-    assert [own.key for own in read(file)] == [own.key for own in records]
-    of_shipped = [own for own in records if own.setup == "shipped" and own.seed >= FIRST_SEED]
-    null = [own for own in of_shipped if own.kind == "null"]
-    assert (len(null), sum(own.outcome == "right" for own in null)) == (8, 8)  # as `docs/validation.md` has it
-    shows = [own for own in of_shipped if own.kind == "single" and own.shows]
-    assert (len(shows), sum(own.outcome == "wrong" for own in shows)) == (6, 0)
+    assert [one.key for one in read(file)] == [one.key for one in records]
+    of_shipped = [one for one in records if one.setup == "shipped" and one.seed >= FIRST_SEED]
+    null = [one for one in of_shipped if one.kind == "null"]
+    assert (len(null), sum(one.outcome == "right" for one in null)) == (8, 8)  # as `docs/validation.md` has it
+    shows = [one for one in of_shipped if one.kind == "single" and one.shows]
+    assert (len(shows), sum(one.outcome == "wrong" for one in shows)) == (6, 0)
 
 
 def test_the_record_of_the_shipped_campaigns_is_complete():
     records = read(RECORD)
     assert records
-    assert len({own.key for own in records}) == len(records)
-    for own in records:
-        assert own.setup in CAMPAIGNS
-        assert (own.planted, own.truth) == planted_in(ROOT / "data" / own.setup), own.key
-        assert bool(own.names) == (own.verdict not in ("nothing missing", "unlike anything")), own.key
-        assert None not in (*astuple(own.base), *astuple(own.answer), own.seconds), own.key
-        assert own.values or not own.names, own.key
-        assert all(v.lower <= v.value <= v.upper for v in own.values.values()), own.key
+    assert len({one.key for one in records}) == len(records)
+    for one in records:
+        assert one.setup in CAMPAIGNS
+        assert (one.planted, one.truth) == planted_in(ROOT / "data" / one.setup), one.key
+        assert bool(one.names) == (one.verdict not in ("nothing missing", "unlike anything")), one.key
+        assert None not in (*astuple(one.base), *astuple(one.answer), one.seconds), one.key
+        assert one.values or not one.names, one.key
+        assert all(v.lower <= v.value <= v.upper for v in one.values.values()), one.key

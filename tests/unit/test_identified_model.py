@@ -47,9 +47,9 @@ def diagnosis(*effects, parameter=(), measurement=()):
 
 
 def test_effects_and_values_are_those_of_the_answer():
-    own = (estimate(PARAMETER, VALUE), estimate("length", 0.99))
+    one = (estimate(PARAMETER, VALUE), estimate("length", 0.99))
     found = identified_effects(
-        results(diagnosis=diagnosis(EFFECT, "stated_size", parameter=own, measurement=("stated_size",)))
+        results(diagnosis=diagnosis(EFFECT, "stated_size", parameter=one, measurement=("stated_size",)))
     )
     assert (found.effects, found.value) == ((EFFECT,), {PARAMETER: VALUE})
     assert found.source == Path("out/x/diagnosis.json")
@@ -108,12 +108,12 @@ def with_model(tested):
 
 
 def test_effects_at_their_values_with_G_f_fitted_again_meet_what_they_made(with_model):
-    base, own = with_model.fit, with_model.identified
-    assert own.fit.error < 1e-4 < base.error
-    assert own.fit.G_f.value == pytest.approx(800.0, rel=1e-3)
-    assert own.fit.d_f.value == pytest.approx(1e-11, rel=1e-2)
-    assert own.fit.stack.effect_values[PARAMETER] == VALUE
-    assert np.isnan(own.frac)  # modes that were read have no functions
+    base, one = with_model.fit, with_model.identified
+    assert one.fit.error < 1e-4 < base.error
+    assert one.fit.G_f.value == pytest.approx(800.0, rel=1e-3)
+    assert one.fit.d_f.value == pytest.approx(1e-11, rel=1e-2)
+    assert one.fit.stack.effect_values[PARAMETER] == VALUE
+    assert np.isnan(one.frac)  # modes that were read have no functions
 
 
 def test_a_model_that_is_read_back_is_still_that_of_a_stack(with_model, tmp_path):
@@ -132,7 +132,7 @@ def test_every_table_and_picture_is_there_for_both_models_and_that_with_what_was
     assert found.rows[0][found.header.index("error [%]")] in ("+0.00", "-0.00")
     before = found.rows[0][found.header.index("error of the base model [%]")]
     assert before == base.rows[0][base.header.index("error [%]")] != "+0.00"
-    made = by_model(with_model, lambda own: (picture(str(own.error)),))
+    made = by_model(with_model, lambda one: (picture(str(one.error)),))
     assert [p.model for p in made] == ["found", "base"]
     assert [p.name for p in made] == ["mac_M1_found", "mac_M1"]
     alone = by_model(replace(with_model, identified=None), lambda _: (picture(""),))
@@ -153,9 +153,9 @@ def test_a_page_has_a_switch_only_where_it_holds_two_models():
 
 
 def test_errors_before_and_after_stand_beside_each_other(with_model):
-    own = replace(with_model, identified=replace(with_model.identified, base_frac=0.3, frac=0.8))
-    other = replace(own, name="M2", identified=replace(own.identified, base_frac=0.1, frac=0.6))
-    made = results(tested=(own, other))
+    one = replace(with_model, identified=replace(with_model.identified, base_frac=0.3, frac=0.8))
+    other = replace(one, name="M2", identified=replace(one.identified, base_frac=0.1, frac=0.6))
+    made = results(tested=(one, other))
     table = before_after_table(made)
     assert table.rows[0][0] == "M1"
     assert float(table.rows[0][2]) < 1e-3 < float(table.rows[0][1])
@@ -171,15 +171,15 @@ RATIOS = {"G_f": 0.05, "G_f[M1]": -0.02, "young": 0.004, "height": 0.002, "clamp
 def explained(with_model, **modelled):
     """A diagnosis of the stack that moves some of what is known, and its answer's own parameter."""
     given = diagnosis(EFFECT, parameter=(estimate(PARAMETER, VALUE),))
-    own = replace(given.ranking[0], nuisance=RATIOS, modelled=modelled)
-    base = replace(own, effects=(), parameter=())
-    return replace(given, stack=with_model.fit.stack, ranking=(own, base), rig=())
+    one = replace(given.ranking[0], nuisance=RATIOS, modelled=modelled)
+    base = replace(one, effects=(), parameter=())
+    return replace(given, stack=with_model.fit.stack, ranking=(one, base), rig=())
 
 
 def test_a_stack_has_what_an_explanation_moved(with_model):
     stack, (effect,) = with_model.fit.stack, find_effects((EFFECT,), catalogue())
-    own = explained(with_model).ranking[0]
-    made = explained_stack(stack, own, [effect], state="M1", pressure=1e5)
+    one = explained(with_model).ranking[0]
+    made = explained_stack(stack, one, [effect], state="M1", pressure=1e5)
     assert made.contact.G_f == pytest.approx(stack.contact.G_f * np.exp(0.03))
     assert made.contact.pressure == 1e5
     assert made.material.young == pytest.approx(stack.material.young * np.exp(0.004))
@@ -187,7 +187,7 @@ def test_a_stack_has_what_an_explanation_moved(with_model):
     assert made.clamps[0].x == pytest.approx(stack.clamps[0].x + 0.003)
     assert made.clamps[0].y == stack.clamps[0].y
     assert dict(made.effect_values) == {PARAMETER: VALUE}
-    assert explained_stack(stack, own, [effect], state="M2").contact.G_f == pytest.approx(
+    assert explained_stack(stack, one, [effect], state="M2").contact.G_f == pytest.approx(
         stack.contact.G_f * np.exp(0.05)
     )
 
@@ -202,20 +202,20 @@ def test_a_diagnosis_alone_gives_both_models_with_its_numbers(with_model, tmp_pa
         (tmp_path / name).write_text(name, encoding="utf-8")
     out = with_models(given)
     assert out.remarks == ()
-    (own,) = out.tested
-    for fit_ in (own.fit, own.identified.fit):
+    (one,) = out.tested
+    for fit_ in (one.fit, one.identified.fit):
         assert fit_.modes.frequency[:8] == pytest.approx(frequency, rel=1e-12)
         assert fit_.G_f.value == pytest.approx(with_model.fit.stack.contact.G_f * np.exp(0.03))
-    assert own.fit.stack.effects == ()
-    assert own.identified.effects == (EFFECT,)
+    assert one.fit.stack.effects == ()
+    assert one.identified.effects == (EFFECT,)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "identified_model", lambda *_: pytest.fail("it is there"))
         again = with_models(given)
-    assert again.tested[0].identified.fit.error == own.identified.fit.error
+    assert again.tested[0].identified.fit.error == one.identified.fit.error
     assert again.origin[f"{tmp_path.name}/base_model.json"]["inputs"]
     (tmp_path / "diagnosis.json").write_text("another answer", encoding="utf-8")
     other = replace(given, diagnosis=explained(with_model, M1=tuple(1.01 * f for f in frequency)))
-    assert with_models(other).tested[0].fit.error != own.fit.error
+    assert with_models(other).tested[0].fit.error != one.fit.error
 
 
 def test_a_model_that_cannot_be_solved_so_leaves_a_remark(with_model, tmp_path, monkeypatch):
@@ -248,9 +248,9 @@ def test_damping_that_an_effect_brings_is_not_taken_for_the_contacts(with_model)
     (effect,) = find_effects(("steel_loss",), catalogue())
     value = {p.name: p.nominal for p in effect.parameters}
     stack = with_model.identified.fit.stack.with_effects(effect, **value)
-    own = fit(stack, with_model.measured)
+    one = fit(stack, with_model.measured)
     without = with_model.identified.fit.d_f.value
-    assert own.d_f.value < 0.95 * without  # the steel has a share of the same damping
+    assert one.d_f.value < 0.95 * without  # the steel has a share of the same damping
     np.testing.assert_allclose(
-        own.modes.damping[own.pairing.model].mean(), with_model.measured.damping.mean(), rtol=0.1
+        one.modes.damping[one.pairing.model].mean(), with_model.measured.damping.mean(), rtol=0.1
     )

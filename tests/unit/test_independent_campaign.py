@@ -74,8 +74,8 @@ def test_accelerance_is_that_of_the_modes():
     simulated = simulate(short(), Bar())
     modes, omega = simulated.modes[-1], 2 * np.pi * simulated.frequency[:, None]
     shape = modes.shape_at(simulated.nominal)[:, 2]
-    own = 2 * np.pi * modes.frequency
-    modal = shape[44] * -(omega**2) / (own**2 - omega**2 + 2j * modes.damping * own * omega)
+    one = 2 * np.pi * modes.frequency
+    modal = shape[44] * -(omega**2) / (one**2 - omega**2 + 2j * modes.damping * one * omega)
     np.testing.assert_allclose(last(simulated).reshape(44, -1), shape[:44] @ modal.T, rtol=1e-9)
 
 

@@ -153,8 +153,8 @@ def test_errors_scatter_as_a_random_perturbation_makes_them():
         state = measured(stiffness + stiffer, mass + heavier, noise=1e-7)
         samples.append(errors(state, [0.0, 0.0]).value)
     variance = np.mean(np.square(samples), axis=0) / size**2
-    own = errors(measured(stiffness, mass, noise=1e-7), [0.0, 0.0])
-    expected = np.diag(joined([own], np.ones((1, 1))).discrepancy).reshape(N_MEASURED, M)
+    one = errors(measured(stiffness, mass, noise=1e-7), [0.0, 0.0])
+    expected = np.diag(joined([one], np.ones((1, 1))).discrepancy).reshape(N_MEASURED, M)
     np.testing.assert_allclose(variance, expected, rtol=0.5)  # five standard deviations of 200 samples
     assert np.mean(variance / expected) == pytest.approx(1.0, abs=0.1)
 

@@ -21,8 +21,8 @@ FEW = slice(0, 15, 4)  # sensors, by which some modes are hardly seen
 def states():
     found = []
     for i, path in enumerate(PATHS):
-        own = measured(*matrices({"stiffness": 0.01 * i, "loss": 0.1})[:2], seed=i, name=path[-1])
-        found.append(own)
+        one = measured(*matrices({"stiffness": 0.01 * i, "loss": 0.1})[:2], seed=i, name=path[-1])
+        found.append(one)
     return found
 
 
@@ -30,24 +30,24 @@ class Blind(Chain):
     """The chain with few sensors."""
 
     def modal(self, x, state):
-        own = super().modal(x, state)
-        return replace(own, rows=own.rows[FEW], beyond_rows=own.beyond_rows[FEW], row_change=own.row_change[:, FEW])
+        one = super().modal(x, state)
+        return replace(one, rows=one.rows[FEW], beyond_rows=one.beyond_rows[FEW], row_change=one.row_change[:, FEW])
 
 
-def seen(own):
-    shape = own.shape[FEW]
-    return replace(own, shape=shape / np.linalg.norm(shape, axis=0))
+def seen(one):
+    shape = one.shape[FEW]
+    return replace(one, shape=shape / np.linalg.norm(shape, axis=0))
 
 
 @pytest.fixture(params=["all", "few"])
 def problems(request):
     """What makes the problem at coordinates, in full and on a tree."""
-    measured_states = [own if request.param == "all" else seen(own) for own in states()]
+    measured_states = [one if request.param == "all" else seen(one) for one in states()]
     model = (Chain if request.param == "all" else Blind)(tuple(measured_states), COORDINATES)
-    noise = [np.maximum(shape_noise(own, model.modal(AT, i)), 1e-3) for i, own in enumerate(measured_states)]
+    noise = [np.maximum(shape_noise(one, model.modal(AT, i)), 1e-3) for i, one in enumerate(measured_states)]
 
     def at(x, tree):
-        errors = [equation_errors(own, model.modal(x, i), noise[i], x.size) for i, own in enumerate(measured_states)]
+        errors = [equation_errors(one, model.modal(x, i), noise[i], x.size) for i, one in enumerate(measured_states)]
         if tree:
             return tree_problem(errors, Tree(paths=PATHS, shares=SHARES), x.size)
         return joined(errors, shared_levels(PATHS, SHARES))
@@ -77,8 +77,8 @@ def test_errors_are_weighed_on_the_tree_as_by_the_covariance_in_full(problems):
     full, tree = problems(AT, tree=False), problems(AT, tree=True)
     inverse = np.linalg.inv(full.noise + SIZES.stiffness**2 * full.discrepancy)
     pull, first = inverse @ full.value, 0
-    for own, (by_tree, blocks) in zip(full.errors, pulls(tree, SIZES.stiffness), strict=True):
-        n, m = own.value.shape
+    for one, (by_tree, blocks) in zip(full.errors, pulls(tree, SIZES.stiffness), strict=True):
+        n, m = one.value.shape
         np.testing.assert_allclose(by_tree.ravel(), pull[first : first + n * m], rtol=1e-6, atol=1e-6 * abs(pull).max())
         for r in range(n):
             at = slice(first + r * m, first + (r + 1) * m)

@@ -22,11 +22,11 @@ PATHS = (
 )
 
 
-def turned(own, angle):
+def turned(one, angle):
     """The same errors by a model of which two modes are turned into each other in its coordinates."""
-    turn = np.eye(own.shape.shape[1])
+    turn = np.eye(one.shape.shape[1])
     turn[:2, :2] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
-    return replace(own, shape=own.shape @ turn)
+    return replace(one, shape=one.shape @ turn)
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +57,8 @@ def test_what_is_left_out_counts_no_more(every):
     passing = Passing(problem, SIZES.stiffness)
     whole = passing.root()
     without = problem.whole(passing.root({1: None}))
-    rest = [own for i, own in enumerate(every) if i != 1]
-    paths = tuple(own for i, own in enumerate(PATHS) if i != 1)
+    rest = [one for i, one in enumerate(every) if i != 1]
+    paths = tuple(one for i, one in enumerate(PATHS) if i != 1)
     fewer = tree_problem(rest, Tree(paths=paths, shares=SHARES), 3).of_stiffness(SIZES.stiffness)
     np.testing.assert_allclose(without.hessian, fewer.hessian, rtol=1e-8)
     assert without.misfit == pytest.approx(fewer.misfit, rel=1e-8)
@@ -68,9 +68,9 @@ def test_what_is_left_out_counts_no_more(every):
 def test_coordinates_of_single_states_stand_among_all(every):
     """Each state has the second coordinate to itself: as derivatives of five coordinates that are nought elsewhere."""
     tree, n = Tree(paths=PATHS, shares=SHARES), 2 + len(every)
-    own = [replace(e, touched=np.array([0, 2 + i, 1])) for i, e in enumerate(every)]
+    one = [replace(e, touched=np.array([0, 2 + i, 1])) for i, e in enumerate(every)]
     wide = []
-    for e in own:
+    for e in one:
         jacobian, damping = np.zeros((*e.value.shape, n)), np.zeros((len(e.damping), n))
         curvature = np.zeros((len(e.value), n, n))
         jacobian[:, :, e.touched], damping[:, e.touched] = e.jacobian, e.damping_jacobian
@@ -78,7 +78,7 @@ def test_coordinates_of_single_states_stand_among_all(every):
         wide.append(
             replace(e, jacobian=jacobian, damping_jacobian=damping, curvature=curvature, touched=None)
         )  # fmt: skip
-    full, found = tree_problem(wide, tree, n), tree_problem(own, tree, n)
+    full, found = tree_problem(wide, tree, n), tree_problem(one, tree, n)
     np.testing.assert_allclose(found.weighed(SIZES).hessian, full.weighed(SIZES).hessian, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(found.curvature, full.curvature)
 
@@ -89,8 +89,8 @@ def test_a_fit_by_the_tree_ends_where_one_in_full_does():
     force, rng, states = mass @ vector * np.sqrt(value), np.random.default_rng(3), []
     for i, path in enumerate(PATHS):
         e = 1e-3 * rng.standard_normal((len(value), len(value)))
-        own = measured(stiffness + force @ (e + e.T) @ force.T, mass, seed=i, name=path[-1])
-        states.append(replace(own, path=path))
+        each = measured(stiffness + force @ (e + e.T) @ force.T, mass, seed=i, name=path[-1])
+        states.append(replace(each, path=path))
     model = Chain(tuple(states))
     start = np.zeros(3)
     local = model.about((*BASE, *TERM.coordinates), [start])
@@ -98,7 +98,7 @@ def test_a_fit_by_the_tree_ends_where_one_in_full_does():
     for priors, near in ((known, 0.1), ((STIFFNESS, DAMPING), 0.3)):  # a grid steps over what is looked for
         full = setting(model, local, start, shares=SHARES, priors=priors)
         by_tree = replace(full, tree=Tree(paths=PATHS, shares=SHARES))
-        one, other = (explain(model, [TERM], own, np.array([0.0, 0.0, 0.2])) for own in (full, by_tree))
+        one, other = (explain(model, [TERM], each, np.array([0.0, 0.0, 0.2])) for each in (full, by_tree))
         np.testing.assert_allclose(other.x, one.x, atol=near * one.std.max())
         np.testing.assert_allclose(other.std, one.std, rtol=near)
         assert other.log_evidence == pytest.approx(one.log_evidence, abs=5.0 * near)

@@ -108,13 +108,13 @@ def reduced(stack, instruments, effects, *further):
 
 
 def parameter(found, name, group=""):
-    (own,) = (p for p in found.fit.parameter if (p.name, p.group) == (name, group))
-    return own
+    (one,) = (p for p in found.fit.parameter if (p.name, p.group) == (name, group))
+    return one
 
 
 def holds(found, name, value, group=""):
-    own = parameter(found, name, group)
-    return own.interval[0] < value < own.interval[1]
+    one = parameter(found, name, group)
+    return one.interval[0] < value < one.interval[1]
 
 
 @pytest.fixture(scope="module")
@@ -146,8 +146,8 @@ def test_numbers_of_one_stack_are_those_of_a_diagnosis(one, of_one):
     assert repr(of_one.ledger) == repr(tuple(entry_of(answer.ranked(names)) for names in every))
     both = answer.ranked(tuple(EFFECTS))
     for p in both.parameter:
-        own = parameter(of_one, p.name)
-        assert (own.value, *own.interval) == pytest.approx((p.value, p.lower, p.upper), rel=1e-9)
+        each = parameter(of_one, p.name)
+        assert (each.value, *each.interval) == pytest.approx((p.value, p.lower, p.upper), rel=1e-9)
 
 
 @pytest.mark.slow

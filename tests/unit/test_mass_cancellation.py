@@ -37,9 +37,9 @@ def roved(mass, *, scale=True, places=tuple((point,) for point in range(N)), ban
     inside = np.isin(np.arange(N), np.arange(N)[band])
     rest = np.zeros((N, frequency.shape[1]))
     for point, k in enumerate(run):
-        own, modes = (2.0 * np.pi * runs[k][0]) ** 2, runs[k][1]
+        one, modes = (2.0 * np.pi * runs[k][0]) ** 2, runs[k][1]
         beyond = (modes[point] * modes[FORCE])[~inside]
-        rest[point] = np.sum(beyond / (own[~inside] - own[band, None]), axis=1)
+        rest[point] = np.sum(beyond / (one[~inside] - one[band, None]), axis=1)
     return RovedModes(
         frequency=frequency,
         std=STD * frequency,
@@ -99,7 +99,7 @@ def test_shapes_are_not_moved_for_shifts_that_no_mass_makes():
     shift = measured.frequency / measured.frequency.mean(axis=0) - 1.0
     scatter = 0.03 * np.abs(shift).max() * np.random.default_rng(0).standard_normal(shift.shape)
     odd = replace(measured, frequency=measured.frequency * (1.0 + scatter))
-    found, sound = (without_sensors(own, np.full(N, np.nan)) for own in (odd, measured))
+    found, sound = (without_sensors(one, np.full(N, np.nan)) for one in (odd, measured))
     moved = np.abs(found.shape - sound.shape) / np.sqrt(np.mean(sound.shape**2, axis=0))
     assert moved.max() < 0.05
     assert np.std(found.off_as_measured) > 0.5 * np.std(scatter)

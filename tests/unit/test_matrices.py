@@ -456,8 +456,8 @@ def test_a_basis_is_joined_where_factors_go_far(example):
     wide = model.reduce_matrices(structure, far, beside=reduced)
     assert reduced.error(far) > 1e-5 > wide.error(far)
     for theta in ({}, far):
-        own = sparse_frequencies(structure, {**structure.theta, **theta}, 10)
-        assert wide.solve({**structure.theta, **theta})[0][:10] == pytest.approx(own, rel=1e-5)
+        one = sparse_frequencies(structure, {**structure.theta, **theta}, 10)
+        assert wide.solve({**structure.theta, **theta})[0][:10] == pytest.approx(one, rel=1e-5)
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="needs CalculiX as ccx (apt install calculix-ccx)")
@@ -469,9 +469,9 @@ def test_frequencies_are_calculix_own(tmp_path, example):
     )
     subprocess.run([sys.executable, "-B", "-c", code], cwd=EXAMPLE, check=True)
     lines = (line.split() for line in (tmp_path / "own.dat").read_text().splitlines())
-    own = [float(words[1]) for words in lines if len(words) == 5 and words[0].isdigit()][:10]  # (rad/s)2
+    one = [float(words[1]) for words in lines if len(words) == 5 and words[0].isdigit()][:10]  # (rad/s)2
     found = example[1].solve()[0][:10]
-    assert found == pytest.approx(np.sqrt(own) / (2 * np.pi), rel=1e-6)
+    assert found == pytest.approx(np.sqrt(one) / (2 * np.pi), rel=1e-6)
 
 
 def test_punch_files_as_pyyeti_reads_them(tmp_path):

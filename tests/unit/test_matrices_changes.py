@@ -38,7 +38,7 @@ def measured(structure, tmp_path_factory):
 @pytest.fixture(scope="module")
 def reference(structure, measured):
     states = [measured({"root_springs": value}, seed=i) for i, value in enumerate((SPRINGS, MOUNTED["again"]))]
-    return fit_matrices_reference(structure, [(f"r{i}", np.nan, own) for i, own in enumerate(states)])
+    return fit_matrices_reference(structure, [(f"r{i}", np.nan, one) for i, one in enumerate(states)])
 
 
 def nodes_of(structure, modes, m=12):
@@ -87,13 +87,13 @@ def test_what_is_held_otherwise_each_time_moves_frequencies_by_no_more_than_asse
 def test_a_change_is_named_and_placed(reference, measured, factors, added, kind, part, size):
     state = measured({"root_springs": SPRINGS, **factors}, added, seed=7)
     found = what_changed(reference, [("after", np.nan, state)], seen=True)
-    own = found.kind(kind)
+    one = found.kind(kind)
     assert found.left[0] == kind
-    assert part in own.part
-    assert 0.8 * own.lower < size < 1.2 * own.upper
+    assert part in one.part
+    assert 0.8 * one.lower < size < 1.2 * one.upper
     if added:
         place = 1e-3 * np.array(added[0][1][:2])
-        assert np.all(np.abs(np.array(own.place[:2]) - place) < 3.0 * np.array(own.place_std[:2]) + 0.02)
+        assert np.all(np.abs(np.array(one.place[:2]) - place) < 3.0 * np.array(one.place_std[:2]) + 0.02)
         assert found.map.sum() == pytest.approx(1.0)
         assert "Where: x = " in found.sentences[1]
         assert "end" not in found.sentences[1]
@@ -106,7 +106,7 @@ def test_without_locations_a_node_is_named_by_its_number(structure, measured):
     tests = []
     for modes in states:
         at = 1e-3 * modes.geometry.coordinate
-        near = [int(np.argmin(np.linalg.norm(structure.location - own, axis=1))) for own in 1e3 * at]
+        near = [int(np.argmin(np.linalg.norm(structure.location - one, axis=1))) for one in 1e3 * at]
         number = dict(zip(modes.geometry.node.tolist(), structure.node[near].tolist(), strict=True))
         geometry = replace(modes.geometry, node=structure.node[near])
         named = np.array([number[int(n)] for n in modes.node])
@@ -140,13 +140,13 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be(nod
 
 
 def test_stated_terms_are_their_matrices_and_only_springs_to_ground_are_mounted_anew(nodes, structure):
-    for own in nodes.stated:
-        (part,) = own.parts
-        (term,) = (t for t in structure.terms if t.factor == own.name)
+    for one in nodes.stated:
+        (part,) = one.parts
+        (term,) = (t for t in structure.terms if t.factor == one.name)
         expected = nodes.vectors.T @ (term.matrix @ nodes.vectors)
         made = np.einsum("pRi,p,pRj->ij", part.rows, part.weight.toarray()[0], part.rows)
         np.testing.assert_allclose(made, expected, atol=1e-9 * np.abs(expected).max())
-    assert {own.name: own.there for own in nodes.stated} == {
+    assert {one.name: one.there for one in nodes.stated} == {
         "root_springs": True, "strip": True, "tip_mass": False,
     }  # fmt: skip
     (held,) = nodes.grounded
@@ -177,7 +177,7 @@ def test_a_large_mass_is_closer_once_the_answer_of_the_structure_is_in(nodes, st
     scale = np.sqrt(np.outer(value, first))
     error = (value[:, None] - first) * weight / scale
     ours = Measured(weight=weight, eigenvalue=value, scale=scale)
-    kind = next(own for own in kinds() if own.name == "added_mass")
+    kind = next(one for one in kinds() if one.name == "added_mass")
     candidates = kind.candidates(nodes, place)
     latent = types.SimpleNamespace(
         scale=scale, gap=(value[:, None] - first) / scale, weight=weight, eigenvalue=value,

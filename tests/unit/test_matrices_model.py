@@ -70,7 +70,7 @@ def test_derivatives_are_those_of_differences(structure, measured):
 
 def test_the_stated_terms_are_fitted(structure, measured):
     fit = fit_matrices(structure, measured({"root_springs": 0.6, "strip": 1.1}))
-    value = {own.name: own for own in fit.moved}
+    value = {one.name: one for one in fit.moved}
     for name, true in (("root_springs", 0.6), ("strip", 1.1), ("mass", 1.0), ("stiffness", 1.0)):
         assert abs(value[name].value - true) < 3.0 * value[name].std
     assert fit.error < 5e-4 < fit.initial_error
@@ -98,15 +98,15 @@ def test_what_is_hidden_is_found(structure, measured, name, value):
     found = diagnose_matrices(structure, [("plate", measured({"root_springs": 0.7}, {name: value}))])
     assert found.verdict in ("identified", "one of")
     assert found.set[0] == (name,)
-    (own,) = found.ranked((name,)).parameter
-    assert own.value == pytest.approx(value, rel=0.05)
+    (one,) = found.ranked((name,)).parameter
+    assert one.value == pytest.approx(value, rel=0.05)
     assert name in found.sentences[0]
 
 
 def test_a_basis_is_asked_once_whether_it_holds_about_a_point(structure, measured, monkeypatch):
     whole, asked = _of(structure, measured({"root_springs": 1.0})), []
     error = model.ReducedMatrices.error
-    monkeypatch.setattr(model.ReducedMatrices, "error", lambda own, theta: asked.append(theta) or error(own, theta))
+    monkeypatch.setattr(model.ReducedMatrices, "error", lambda one, theta: asked.append(theta) or error(one, theta))
     at = [c.name for c in whole.nuisances].index("root_springs")
     for value in (0.0, 0.01, 0.1):
         x = np.zeros(len(whole.nuisances))
@@ -159,11 +159,11 @@ def test_a_screen_has_what_the_model_changes(structure, measured):
     found, m = screen.change(there), whole.n_equation
     _, every, before = near.solved(x)
     after = near.solved(there)[2]
-    for target, own, beyond in (("K", found.stiffness, found.stiffness_beyond), ("M", found.mass, found.mass_beyond)):
+    for target, one, beyond in (("K", found.stiffness, found.stiffness_beyond), ("M", found.mass, found.mass_beyond)):
         exact = every.T @ (after[target] - before[target]) @ every
-        np.testing.assert_allclose(own[0][0], exact[:, :m], atol=1e-9 * np.abs(exact).max())
+        np.testing.assert_allclose(one[0][0], exact[:, :m], atol=1e-9 * np.abs(exact).max())
         np.testing.assert_allclose(beyond[0][0], np.diag(exact)[m:], atol=1e-9 * np.abs(exact).max())
         for k, i in enumerate(found.moved):
             ends = [near.solved(there + s * 1e-3 * np.eye(x.size)[i])[2][target] for s in (1.0, -1.0)]
             slope = every.T @ ((ends[0] - ends[1]) / 2e-3) @ every
-            np.testing.assert_allclose(own[1][k, 0], slope[:, :m], atol=1e-4 * max(np.abs(slope).max(), 1e-6))
+            np.testing.assert_allclose(one[1][k, 0], slope[:, :m], atol=1e-4 * max(np.abs(slope).max(), 1e-6))

@@ -120,8 +120,8 @@ def test_blocks_of_the_covariance_are_those_of_all_of_it():
     fit = linear_fit(F, value, POLE, "receptance")
     whole = fit.residue_covariance()
     for r in range(POLE.size):
-        own = whole[:, 2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
-        np.testing.assert_allclose(fit.covariance_of_each()[:, r], own, rtol=1e-10)
+        one = whole[:, 2 * r : 2 * r + 2, 2 * r : 2 * r + 2]
+        np.testing.assert_allclose(fit.covariance_of_each()[:, r], one, rtol=1e-10)
 
 
 def test_what_a_fit_does_not_hold_is_made_anew():

@@ -43,11 +43,11 @@ def corrected(measured, nodes=(NODE, NODE)):
     """Return the configurations as they were measured, as they are corrected, and what was mixed up."""
     scatter = np.full((N_DOF, N_MODE), STD) * (1.0 + np.arange(N_DOF))[:, None]
     tested = tuple(
-        Configuration(name, Modes(own.astype(complex), scatter, np.arange(N_DOF) % 2))
-        for name, own in zip(NAMES, measured, strict=True)
+        Configuration(name, Modes(one.astype(complex), scatter, np.arange(N_DOF) % 2))
+        for name, one in zip(NAMES, measured, strict=True)
     )
-    length = [np.linalg.norm(own, axis=0) for own in measured]
-    states = [SimpleNamespace(shape=own / n) for own, n in zip(measured, length, strict=True)]
+    length = [np.linalg.norm(one, axis=0) for one in measured]
+    states = [SimpleNamespace(shape=one / n) for one, n in zip(measured, length, strict=True)]
     modal = SimpleNamespace(rows=EVERY[:, :N_MODE], beyond_rows=EVERY[:, N_MODE:], eigenvalue=np.ones(N_MODE))
     local = SimpleNamespace(modal=lambda x, state: modal)
     noise = [STD / n for n in length]
@@ -66,50 +66,50 @@ def test_clean_data_stay_as_they_are(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_two_points_that_were_exchanged_are_put_right(seed, where, names):
     right = shapes(seed)
-    wrong = [own.copy() for own in right]
+    wrong = [one.copy() for one in right]
     for c in where:
         wrong[c][[3, 8]] = wrong[c][[8, 3]]
     _, found, mixed_up = corrected(wrong)
     assert (mixed_up.kind, mixed_up.configuration, mixed_up.node) == ("exchanged", names, (104, 109))
     assert mixed_up.log_odds > 10.0
-    for c, own in enumerate(found):
-        np.testing.assert_array_equal(own.modes.shape.real, right[c])
+    for c, one in enumerate(found):
+        np.testing.assert_array_equal(one.modes.shape.real, right[c])
         swapped = c in where
-        assert (own.modes.shape_std[3, 0] == 9.0 * STD) == swapped  # scatter goes with its value
-        assert own.modes.sensor[3] == (0 if swapped else 1)
+        assert (one.modes.shape_std[3, 0] == 9.0 * STD) == swapped  # scatter goes with its value
+        assert one.modes.sensor[3] == (0 if swapped else 1)
 
 
 @pytest.mark.parametrize("where", [(0,), (0, 1)])
 def test_a_sensor_that_was_turned_over_is_put_right(where):
     right = shapes(7)
-    wrong = [own.copy() for own in right]
+    wrong = [one.copy() for one in right]
     for c in where:
         wrong[c][5] *= -1.0
     _, found, mixed_up = corrected(wrong)
     assert (mixed_up.kind, mixed_up.node) == ("turned", (106,))
     assert mixed_up.configuration == tuple(NAMES[c] for c in where)
-    for own, expected in zip(found, right, strict=True):
-        np.testing.assert_array_equal(own.modes.shape.real, expected)
+    for one, expected in zip(found, right, strict=True):
+        np.testing.assert_array_equal(one.modes.shape.real, expected)
 
 
 @pytest.mark.parametrize("factor", [2.0, 0.5, 1.2])
 @pytest.mark.parametrize("where", [(0,), (0, 1)])
 def test_a_sensor_that_reads_by_a_factor_too_much_is_put_right(where, factor):
     right = shapes(7)
-    wrong = [own.copy() for own in right]
+    wrong = [one.copy() for one in right]
     for c in where:
         wrong[c][5] *= factor
     _, found, mixed_up = corrected(wrong)
     assert (mixed_up.kind, mixed_up.node) == ("scaled", (106,))
     assert mixed_up.configuration == tuple(NAMES[c] for c in where)
     assert mixed_up.factor == pytest.approx(factor, rel=0.05)
-    for own, expected in zip(found, right, strict=True):
-        np.testing.assert_allclose(own.modes.shape.real[5], expected[5], rtol=0.05)
+    for one, expected in zip(found, right, strict=True):
+        np.testing.assert_allclose(one.modes.shape.real[5], expected[5], rtol=0.05)
 
 
 def test_points_that_differ_between_configurations_are_mixed_up_in_one_alone():
     wrong = shapes(8)
-    for own in wrong:
-        own[5] *= -1.0
+    for one in wrong:
+        one[5] *= -1.0
     mixed_up = corrected(wrong, (NODE, NODE + 1))[2]
     assert len(mixed_up.configuration) == 1

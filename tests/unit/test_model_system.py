@@ -217,8 +217,8 @@ def test_the_stack_without_effects_has_its_modes_on_the_first_coordinates(with_c
     exact = model.reduce(STACK, n_snapshot=1, n_mode=8)
     for one in (base, with_catalogue):
         mine, right = (
-            la.eigh(own.matrix("K", own.theta), own.matrix("M", own.theta), eigvals_only=True)[6:8]
-            for own in (one, exact)
+            la.eigh(each.matrix("K", each.theta), each.matrix("M", each.theta), eigvals_only=True)[6:8]
+            for each in (one, exact)
         )
         np.testing.assert_allclose(mine, right, rtol=1e-4)
 
@@ -257,8 +257,8 @@ def test_a_reduction_answers_to_an_inertia_at_stations_that_it_was_not_made_for(
     )
 
     def solved(system, values):
-        own = {"G_f": CONTACT.G_f, "d_f": 0.0, "n_mode": 10, "observation": corners, "parameters": values, "by": ()}
-        return model.solve_modes(system, **own).elastic().frequency
+        one = {"G_f": CONTACT.G_f, "d_f": 0.0, "n_mode": 10, "observation": corners, "parameters": values, "by": ()}
+        return model.solve_modes(system, **one).elastic().frequency
 
     neutral = model.reduce(STACK.with_effects(*model.find_effects(["clamp_inertia"])))
     exact = model.reduce(STACK.with_effects(*model.find_effects(["clamp_inertia"]), **strong), n_mode=24)

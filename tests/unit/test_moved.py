@@ -15,10 +15,10 @@ STACK = read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml")
 
 
 def of(name, x, std, prior):
-    own = SimpleNamespace(
+    one = SimpleNamespace(
         coordinates=(Coordinate(name=name, std=prior),), x=np.array([x]), std=np.array([std]), n_nuisance=1
     )
-    (found,) = moved(STACK, own)
+    (found,) = moved(STACK, one)
     return found
 
 

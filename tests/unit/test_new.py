@@ -130,12 +130,12 @@ def test_layouts_of_tables(tmp_path, text, keys):
 def test_titles_of_other_languages_and_other_orders(tmp_path, titles, kinds):
     parts = {"r": lambda v: v.real, "i": lambda v: v.imag, "m": np.abs, "p": lambda v: np.rad2deg(np.angle(v))}
     if kinds == "rrr":
-        own = [*VALUE.T.real, *VALUE.T.imag]
+        one = [*VALUE.T.real, *VALUE.T.imag]
     elif kinds == "fri":
-        own = [x for v in VALUE.T for x in (v.real, v.imag, FREQUENCY)][:-1]
+        one = [x for v in VALUE.T for x in (v.real, v.imag, FREQUENCY)][:-1]
     else:
-        own = [parts[kind](v) for v in VALUE.T for kind in kinds]
-    (tmp_path / "a.csv").write_text(titles + "\n" + columns(*own, delimiter=";", decimal=","), encoding="utf-8")
+        one = [parts[kind](v) for v in VALUE.T for kind in kinds]
+    (tmp_path / "a.csv").write_text(titles + "\n" + columns(*one, delimiter=";", decimal=","), encoding="utf-8")
     new(tmp_path)
     fill(tmp_path, ('unit = "?"', 'unit = "m/s2/N"'), ('input = ["?"]', 'input = ["45+z"]'))
     found = frf(tmp_path, tmp_path.name)
@@ -482,8 +482,8 @@ def test_histories_of_arrays(tmp_path, kind):
         np.savez(tmp_path / "a.npz", **content)
     else:
         with h5py.File(tmp_path / "a.h5", "w") as file:
-            for name, own in content.items():
-                file[f"data/{name}"] = own
+            for name, one in content.items():
+                file[f"data/{name}"] = one
     new(tmp_path)
     in_group = "data/" if kind == "h5" else ""
     for key in (
@@ -675,7 +675,7 @@ def test_frequencies_of_the_structural_dynamics_toolbox(tmp_path):
 
 
 def test_blocks_are_guessed_where_a_record_holds_many_hits(tmp_path):
-    force, response = (np.concatenate([own, own, 0.5 * own, own]) for own in pulse())
+    force, response = (np.concatenate([one, one, 0.5 * one, one]) for one in pulse())
     (tmp_path / "a.csv").write_text("time [s],force,acc\n" + of_rows(np.arange(force.size) / 600, force, response))
     new(tmp_path)
     for key in ("block_s = 0.9  #", "before_hit_s = 0.018  #"):

@@ -82,8 +82,8 @@ def sdynpy_array(abscissa, ordinate, dofs):
     kind += [("coordinate", [("node", "u8"), ("direction", "i1")], (len(dofs[0]),))]
     array = np.zeros(len(dofs), kind)
     array["abscissa"], array["ordinate"] = abscissa, ordinate
-    for own, ends in zip(array["coordinate"], dofs, strict=True):
-        for end, dof in zip(own, ends, strict=True):
+    for one, ends in zip(array["coordinate"], dofs, strict=True):
+        for end, dof in zip(one, ends, strict=True):
             end["node"], end["direction"] = dof
     return array
 
@@ -138,9 +138,9 @@ def universal(label="m/s^2", scale=1.0, value=VALUE, step=0.5, **header) -> Writ
     def write(folder):
         sets = [
             encode_58b(
-                HEADER | {"response node": n, "ordinate numerator units label": label} | header, step, step, own * scale
+                HEADER | {"response node": n, "ordinate numerator units label": label} | header, step, step, one * scale
             )
-            for n, own in enumerate(value.T, start=1)
+            for n, one in enumerate(value.T, start=1)
         ]
         (folder / "a.uff").write_bytes(b"".join(sets))
 

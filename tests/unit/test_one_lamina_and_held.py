@@ -54,8 +54,8 @@ def frequencies(system, theta=None, n_mode=8):
     return found.frequency
 
 
-def every_frequency(own, n_mode=8):
-    assembly = model.assemble(own)
+def every_frequency(one, n_mode=8):
+    assembly = model.assemble(one)
     stiffness, mass = (assembly.matrix(target, assembly.theta).toarray() for target in ("K", "M"))
     values = la.eigh(stiffness, mass, eigvals_only=True, subset_by_index=[0, n_mode - 1])
     return np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
@@ -71,11 +71,11 @@ def test_a_held_stack_is_refined(n_lamina):
 
 
 def test_one_lamina_is_free_of_its_contact():
-    own = stack(1)
-    assert model.reduce(own.with_contact(G_f=1.0, pressure=1.0)).size == model.reduce(own).size
-    rigid, first = every_frequency(own)[5:7]
+    one = stack(1)
+    assert model.reduce(one.with_contact(G_f=1.0, pressure=1.0)).size == model.reduce(one).size
+    rigid, first = every_frequency(one)[5:7]
     assert rigid < 1e-3 * first
-    np.testing.assert_allclose(frequencies(model.reduce(own))[6:], every_frequency(own)[6:], rtol=1e-6)
+    np.testing.assert_allclose(frequencies(model.reduce(one))[6:], every_frequency(one)[6:], rtol=1e-6)
 
 
 def test_effects_between_laminas_say_that_there_is_one():
@@ -115,10 +115,10 @@ def test_an_edge_is_as_the_stack_file_says_until_it_gives_way():
 
 
 def test_a_basis_of_a_held_stack_is_enriched_from_its_first_mode_on():
-    own = stack(1, CLAMPED).with_effects(*COMPLIANCE)
+    one = stack(1, CLAMPED).with_effects(*COMPLIANCE)
     theta = {"edge_translation": 1e8, "edge_rotation": 1e3}
-    system = model.reduce(own, n_snapshot=1)
-    right = every_frequency(own.with_effects(**theta))
+    system = model.reduce(one, n_snapshot=1)
+    right = every_frequency(one.with_effects(**theta))
     assert np.abs(frequencies(system, theta) / right - 1.0).max() > 0.02
     better = enriched(system, [theta], 12)
     np.testing.assert_allclose(frequencies(better, theta), right, rtol=1e-4)

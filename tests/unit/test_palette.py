@@ -33,13 +33,13 @@ def lab(rgb):
 
 
 def contrast(one, other):
-    low, high = sorted(XYZ[1] @ linear(own) for own in (one, other))
+    low, high = sorted(XYZ[1] @ linear(each) for each in (one, other))
     return (high + 0.05) / (low + 0.05)
 
 
 @pytest.mark.parametrize("seen", VISION)
 def test_colours_of_two_meanings_differ_for_every_colour_vision(seen):
-    colours = [lab(np.asarray(VISION[seen]) @ linear(own)) for own in palette.BY_MEANING]
+    colours = [lab(np.asarray(VISION[seen]) @ linear(one)) for one in palette.BY_MEANING]
     least = min(np.linalg.norm(a - b) for a, b in itertools.combinations(colours, 2))
     assert least > 24.0  # about ten times what can just be told apart
 
@@ -51,19 +51,19 @@ def test_every_colour_is_seen_on_white_and_on_dark(colour):
 
 
 def test_shades_of_one_meaning_differ_in_grey():
-    lightness = [lab(linear(own))[0] for own in (palette.USED, palette.LEFT_OUT, palette.ELSEWHERE)]
+    lightness = [lab(linear(one))[0] for one in (palette.USED, palette.LEFT_OUT, palette.ELSEWHERE)]
     assert (np.diff(lightness) > 12.0).all()
 
 
 def test_no_figure_has_a_colour_of_its_own():
     elsewhere = {"ema/plot/palette.py", "updating/diagnosis/signature.py"}
-    own = re.compile(r"\"#[0-9a-fA-F]{6}\"|colou?r=\"(?!white|none|primary|error)|cmap=\"|\"colorscale\": \"")
+    one = re.compile(r"\"#[0-9a-fA-F]{6}\"|colou?r=\"(?!white|none|primary|error)|cmap=\"|\"colorscale\": \"")
     found = [
         f"{file.relative_to(ROOT).as_posix()}: {line.strip()}"
         for package in ("ema", "updating", "docs")
         for file in sorted((ROOT / package).rglob("*.py"))
         if file.relative_to(ROOT).as_posix() not in elsewhere
         for line in file.read_text(encoding="utf-8").splitlines()
-        if own.search(line)
+        if one.search(line)
     ]
     assert found == []

@@ -102,7 +102,7 @@ def test_one_table_does_for_all_specimens(folder):
     text = HEAD + SECOND.replace('"S2"', '"S1"') + SECOND
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     specimens = specimens_of(read_specimens(folder / "campaign.toml"), lambda name: None)
-    assert [own.tested[0][2].frequency.tolist() for own in specimens] == [[300.0], [310.0]]
+    assert [one.tested[0][2].frequency.tolist() for one in specimens] == [[300.0], [310.0]]
     by = [("S2,M1", "S2,M2")]
     assert "classes.csv: no row of specimen 'S2', configuration 'M1'; the file has S1 M1, S2 M2" in refused(
         folder, FitError, file="classes.csv", by=by
@@ -162,7 +162,7 @@ def test_levels_are_rig_groups_and_specimens():
         {"treatment": "none", "maker": "B", "date": "4"},
     ]
     found = levels_of([Specimen(name=f"S{i}", stack=None, tested=(), notes=n) for i, n in enumerate(notes)])
-    assert [(own.kind, own.of, own.members) for own in found] == [
+    assert [(one.kind, one.of, one.members) for one in found] == [
         ("rig", "", (0, 1, 2, 3)),
         ("group", "treatment = glued", (0, 1)),
         ("group", "maker = B", (2, 3)),
@@ -180,7 +180,7 @@ def test_shipped_campaigns_are_small_and_read(name):
     assert has_specimens(folder / "campaign.toml")
     specimens = specimens_of(read_specimens(folder / "campaign.toml"), lambda name: None)
     assert len(specimens) == 6
-    assert all(len(own.tested) == 2 for own in specimens)
-    assert {own.notes["treatment"] for own in specimens} == {"none", "lacquered"}
+    assert all(len(one.tested) == 2 for one in specimens)
+    assert {one.notes["treatment"] for one in specimens} == {"none", "lacquered"}
     given = (folder / "campaign.toml").read_text(encoding="utf-8")
     assert not any(word in given for word in ("clamp_inertia", "clamp_mass", "adhesive", "exponent"))

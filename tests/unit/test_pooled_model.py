@@ -38,7 +38,7 @@ def whole():
     seen = Observation(node=np.arange(n), location=instruments.sensor, direction=np.tile([0.0, 0.0, 1.0], (n, 1)))
     rng, tested, specimens = np.random.default_rng(0), [], []
     for name in NAMES:
-        own = []
+        one = []
         for state, pressure in (("M1", 160e3), ("M2", 320e3)):
             modes = SimpleNamespace(
                 frequency=np.linspace(200.0, 700.0, N_SEEN) * (1.0 + 0.01 * rng.standard_normal(N_SEEN)),
@@ -47,11 +47,11 @@ def whole():
                 shape=rng.standard_normal((n, N_SEEN)) + 0j, shape_std=np.full((n, N_SEEN), 0.01),
             )  # fmt: skip
             tested.append(evidence.Tested(name=f"{name} {state}", pressure=pressure, modes=modes, state=state))
-            own.append((state, pressure, modes))
+            one.append((state, pressure, modes))
         height = STACK.height * (HIGHER if name == "S3" else 1.0)
         notes = {"treatment": "none" if name == "S1" else "glued"}
         stack = dataclasses.replace(STACK, height=height)
-        specimens.append(SimpleNamespace(name=name, stack=stack, tested=tuple(own), notes=notes))
+        specimens.append(SimpleNamespace(name=name, stack=stack, tested=tuple(one), notes=notes))
     candidates = candidate_model(STACK, instruments, effects)
     model = StackModel(candidates, tested, [seen] * len(tested), DiagnosisScatter())
     group = Group(members=(0, 1, 2), model=model, first=(0, 2, 4, 6), start=(0.0, 0.0))

@@ -25,8 +25,8 @@ def estimate(name="G_f", value=1500.0, unit="1"):
 
 
 def part(effect="clamp_inertia", level="rig", of="", specimens=("S1", "S2", "S3"), **given):
-    own = {"label": "inertia of the clamps", "parameter": (estimate("clamp_roll_inertia", 2e-3, "kg m2"),)}
-    return Part(effect=effect, level=level, of=of, specimens=specimens, log_odds=20.0, **(own | given))
+    one = {"label": "inertia of the clamps", "parameter": (estimate("clamp_roll_inertia", 2e-3, "kg m2"),)}
+    return Part(effect=effect, level=level, of=of, specimens=specimens, log_odds=20.0, **(one | given))
 
 
 def ranked(*parts, odds=30.0, error=0.002):
@@ -108,11 +108,11 @@ def test_what_is_more_probable_and_predicts_nothing_better_is_said():
     """The table has it with a higher probability."""
     likelier = ranked(part(), GLUED, part("clamp_pitch_inertia", label="pitch of the clamps"), odds=47.0)
     found = answer(ranking=(ranked(part(), GLUED), likelier, BASE))
-    (said,) = [own for own in sentences(found) if own.startswith("By the odds alone,")]
+    (said,) = [one for one in sentences(found) if one.startswith("By the odds alone,")]
     assert "pitch of the clamps (clamp_pitch_inertia), of the rig" in said
     assert "beside it would be the answer" in said
     assert "from 0.30 % to 0.30 %" in said
-    assert not any(own.startswith("By the odds") for own in sentences(answer()))
+    assert not any(one.startswith("By the odds") for one in sentences(answer()))
 
 
 def test_what_would_have_to_be_far_off_without_it_comes_next_and_what_is_so_with_it_last():
@@ -190,14 +190,14 @@ def test_the_answer_is_kept_and_has_a_page(tmp_path):
     assert read_result(path, PooledDiagnosis).sentences == answer().sentences
     page = write_report(tmp_path).read_text(encoding="utf-8")
     assert "Identified: inertia of the clamps" in page
-    assert all(f">{own}<" in page for own in ("S1", "S2", "S3", "treatment", "glued"))
+    assert all(f">{one}<" in page for one in ("S1", "S2", "S3", "treatment", "glued"))
 
 
 def test_a_specimen_leads_to_its_torques_and_the_odd_one_is_marked():
     overview, *each = pooled_section(answer()).parts
-    (table,) = (own for own in overview.blocks if own.kind == "table")
+    (table,) = (one for one in overview.blocks if one.kind == "table")
     assert table.link == ("#specimen-s1", "#specimen-s2", "#specimen-s3")
-    assert [own.anchor for own in each] == ["specimen-s1", "specimen-s2", "specimen-s3"]
+    assert [one.anchor for one in each] == ["specimen-s1", "specimen-s2", "specimen-s3"]
     modes, contact = each[0].blocks
     assert modes.rows == (("M1", "400.0", "432.0", "+8.00", "400.8", "+0.200", "1.0", "2.0", "1.1"),)
     assert [row[0] for row in contact.rows] == ["M1", "M2"]
@@ -222,19 +222,19 @@ def test_a_specimen_without_damping_is_not_given_that_of_the_others(tmp_path):
     assert section.blocks[0].rows[0][6] == "-"
     assert "d_f" not in " ".join(section.text)
     traces = contact_chart(kept.specimens, "d_f", "treatment").traces
-    assert [len(own["x"]) for own in traces] == [0, 2, 2]
+    assert [len(one["x"]) for one in traces] == [0, 2, 2]
 
 
 def test_specimens_of_one_treatment_have_one_colour():
     traces = contact_chart(answer().specimens, "G_f", "treatment").traces
-    colour = {own["name"]: own["line"]["color"] for own in traces}
+    colour = {one["name"]: one["line"]["color"] for one in traces}
     assert colour["S1"] == colour["S3"] != colour["S2"]
-    assert [own["y"] for own in traces] == [[1600.0, 1400.0]] * 3
+    assert [one["y"] for one in traces] == [[1600.0, 1400.0]] * 3
 
 
 def test_specimens_are_grouped_by_their_treatment_else_by_a_note_that_several_share():
     notes = [{"date": "1", "maker": "A"}, {"date": "2", "maker": "A"}, {"date": "3", "maker": "B"}]
-    found = [replace(own, notes=given) for own, given in zip(answer().specimens, notes, strict=True)]
+    found = [replace(one, notes=given) for one, given in zip(answer().specimens, notes, strict=True)]
     assert grouping(answer().specimens) == "treatment"
     assert grouping(found) == "maker"
-    assert grouping([replace(own, notes={}) for own in found]) == ""
+    assert grouping([replace(one, notes={}) for one in found]) == ""

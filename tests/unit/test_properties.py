@@ -117,8 +117,8 @@ def test_a_degree_of_freedom_has_its_sign_axis_and_unit_length(depth):
         np.testing.assert_array_equal(plus.direction, np.negative(minus.direction))
         if np.linalg.norm(direction) > 1e-3:
             table = {"node": node, "direction": direction}
-            (own,) = ConfigurationSection(name="a", files=["b"], output=[table]).output
-            np.testing.assert_allclose(own.direction, direction / np.linalg.norm(direction), atol=1e-12)
+            (one,) = ConfigurationSection(name="a", files=["b"], output=[table]).output
+            np.testing.assert_allclose(one.direction, direction / np.linalg.norm(direction), atol=1e-12)
 
     holds()
 

@@ -38,8 +38,8 @@ def bar(*, inputs=(1,), damping=0.01, modes=MODES, frequency=FREQUENCY, mass=1.0
     """Return a measurement on a bar with driving points at `inputs`."""
     x = np.linspace(0, 1, N)
     omega = 2 * np.pi * frequency
-    own = 2 * np.pi * modes
-    mode = -(omega**2) / (own[:, None] ** 2 - omega**2 + 2j * damping * own[:, None] * omega)
+    one = 2 * np.pi * modes
+    mode = -(omega**2) / (one[:, None] ** 2 - omega**2 + 2j * damping * one[:, None] * omega)
     value = np.einsum("or,ir,rf->oif", shape(x), shape(x[np.array(inputs) - 1]), mode) / mass
     rng = np.random.default_rng(0)
     level = noise * np.abs(value).max(axis=2, keepdims=True)
@@ -110,8 +110,8 @@ def test_unplugged_channels_of_few(n, smeared):
     few = replace(measurement, frf=measurement.frf.outputs(np.arange(N) < n), overload=np.zeros(n))
 
     def unplug(value):
-        own = np.apply_along_axis(np.convolve, -1, noise(value.shape), np.ones(smeared), mode="same")
-        return 0.1 * np.std(value) * own
+        one = np.apply_along_axis(np.convolve, -1, noise(value.shape), np.ones(smeared), mode="same")
+        return 0.1 * np.std(value) * one
 
     (verdict,) = [v for v in check(changed(few, n - 1, unplug)) if v.level == "fail"]
     assert (verdict.check, verdict.channel) == ("dead", (n - 1,))

@@ -87,9 +87,9 @@ def data_set_55(frequency, mass, damping, *, last="  0.00000E+00 0.00000E+00-2.0
 def data_set_2414(form, values):
     head = f"{1:10}\nmode\n{1:10}\n" + 5 * "NONE\n" + f"{1:10}{2 if form == 2 else 3:10}{2:10}{8:10}{form:10}{3:10}\n"
     head += 2 * f"{1:10}{0:10}{1:10}{0:10}{1:10}{1:10}{0:10}{0:10}\n"
-    own = f"{0.0:13.5E}{100.0:13.5E}{0.0:13.5E}{4.0:13.5E}{0.01:13.5E}{0.0:13.5E}\n"
+    one = f"{0.0:13.5E}{100.0:13.5E}{0.0:13.5E}{4.0:13.5E}{0.01:13.5E}{0.0:13.5E}\n"
     eigen = "".join(f"{x:13.5E}" for x in (-6.28319, 628.287, 0.0, 0.0, 0.0, 0.0)) + "\n"
-    return f"    -1\n  2414\n{head}{own}{eigen}{1:10}\n{values}\n    -1\n"
+    return f"    -1\n  2414\n{head}{one}{eigen}{1:10}\n{values}\n    -1\n"
 
 
 def test_data_set_2414_real_and_complex(tmp_path):
@@ -324,34 +324,34 @@ def sdypy_model():
     frequency = np.arange(0.0, 500.0, 0.25)
     value = np.zeros((6, frequency.size), complex)
     value[:, 1:] = ema.synthesize(model(), frequency[1:], "accelerance")[:, 0]
-    own = EMA.Model(value, frequency, lower=20.0, upper=480.0, pol_order_high=30, frf_form="accelerance")
-    own.get_poles(show_progress=False)
-    own.select_closest_poles(list(FREQUENCY))
-    own.get_constants()
-    return own
+    one = EMA.Model(value, frequency, lower=20.0, upper=480.0, pol_order_high=30, frf_form="accelerance")
+    one.get_poles(show_progress=False)
+    one.select_closest_poles(list(FREQUENCY))
+    one.get_constants()
+    return one
 
 
 @pytest.mark.usefixtures("quiet")
 def test_sdypy_and_back():
-    own = sdypy_model()
+    one = sdypy_model()
     output = ema.Dofs(node=np.arange(1, 7), direction=Z)
-    found = ema.from_sdypy(own, output=output, force=FORCE, geometry=GEOMETRY)
-    poles = np.array([own.all_poles[i][j] for i, j in own.pole_ind])  # those that the constants belong to
+    found = ema.from_sdypy(one, output=output, force=FORCE, geometry=GEOMETRY)
+    poles = np.array([one.all_poles[i][j] for i, j in one.pole_ind])  # those that the constants belong to
     np.testing.assert_allclose(found.frequency, np.sort(np.abs(poles)) / (2.0 * np.pi), rtol=1e-12)
-    np.testing.assert_allclose(own.nat_freq, FREQUENCY, rtol=1e-4)
+    np.testing.assert_allclose(one.nat_freq, FREQUENCY, rtol=1e-4)
     np.testing.assert_allclose(ema.mac(found.shape, model().shape).diagonal(), 1.0, atol=1e-3)
-    lines = own.freq[200:1800]
+    lines = one.freq[200:1800]
     np.testing.assert_allclose(
-        ema.synthesize(found, lines, "accelerance")[:, 0], own.H[:, 200:1800], rtol=1e-6, atol=1e-6
+        ema.synthesize(found, lines, "accelerance")[:, 0], one.H[:, 200:1800], rtol=1e-6, atol=1e-6
     )
     from sdypy import EMA
 
-    back = ema.to_sdypy(found, EMA.Model(own.frf, own.freq, lower=20.0, upper=480.0, frf_form="accelerance"))
+    back = ema.to_sdypy(found, EMA.Model(one.frf, one.freq, lower=20.0, upper=480.0, frf_form="accelerance"))
     np.testing.assert_allclose(back.nat_freq, found.frequency, rtol=1e-12)
-    np.testing.assert_allclose(back.A, own.A, rtol=1e-12)
+    np.testing.assert_allclose(back.A, one.A, rtol=1e-12)
     np.testing.assert_allclose(np.diag(back.auto_mac()), 1.0)
     back.get_constants()  # with the poles that came back
-    np.testing.assert_allclose(back.A, own.A, atol=1e-6 * np.abs(own.A).max())
+    np.testing.assert_allclose(back.A, one.A, atol=1e-6 * np.abs(one.A).max())
 
 
 def test_sdypy_model_without_constants_or_with_other_functions_is_refused():
@@ -361,9 +361,9 @@ def test_sdypy_model_without_constants_or_with_other_functions_is_refused():
     output = ema.Dofs(node=np.arange(1, 7), direction=Z)
     with pytest.raises(ema.IdentificationError, match=r"no nat_freq, nat_xi, A; call get_poles\(\)"):
         ema.from_sdypy(Nothing(), output=output, force=FORCE, geometry=GEOMETRY)
-    own = Nothing()
-    own.nat_freq, own.nat_xi, own.A = FREQUENCY, DAMPING, np.ones((5, 3))
+    one = Nothing()
+    one.nat_freq, one.nat_xi, one.A = FREQUENCY, DAMPING, np.ones((5, 3))
     with pytest.raises(ema.IdentificationError, match="A are 5 x 3, expected 6 outputs x 3 modes"):
-        ema.from_sdypy(own, output=output, force=FORCE, geometry=GEOMETRY)
+        ema.from_sdypy(one, output=output, force=FORCE, geometry=GEOMETRY)
     with pytest.raises(ema.IdentificationError, match="has no residues"):
         ema.to_sdypy(model(scaled=False), Nothing())

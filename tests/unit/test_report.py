@@ -106,8 +106,8 @@ def browser(folder, script):
 
 def test_a_browser_that_fails_leaves_the_earlier_pdf_and_says_why(monkeypatch, tmp_path):
     (tmp_path / "report.pdf").write_bytes(b"earlier")
-    own = browser(tmp_path, "echo 'cannot open display' >&2; exit 3")
-    monkeypatch.setattr(files, "find_browser", lambda: own)
+    one = browser(tmp_path, "echo 'cannot open display' >&2; exit 3")
+    monkeypatch.setattr(files, "find_browser", lambda: one)
     with pytest.raises(StoreError, match=r"exit code 3.*cannot open display"):
         files.print_pdf(tmp_path / "report.html")
     assert (tmp_path / "report.pdf").read_bytes() == b"earlier"
@@ -115,7 +115,7 @@ def test_a_browser_that_fails_leaves_the_earlier_pdf_and_says_why(monkeypatch, t
 
 def test_the_first_browser_on_the_path_prints(monkeypatch, tmp_path):
     script = 'for a in "$@"; do case $a in --print-to-pdf=*) printf %%PDF > "${a#*=}";; esac; done'
-    own = browser(tmp_path, script)
+    one = browser(tmp_path, script)
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert files.find_browser() == own
+    assert files.find_browser() == one
     assert files.print_pdf(tmp_path / "report.html").read_bytes() == b"%PDF"

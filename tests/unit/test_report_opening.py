@@ -49,19 +49,19 @@ def first(**given):
 
 
 def test_what_was_found_is_said_in_one_sentence_with_the_name_that_a_person_uses():
-    own = first(verdict="identified", set=(("clamp_mass",),))
-    assert own.badge == "effect identified"
-    assert own.sentence == (
+    one = first(verdict="identified", set=(("clamp_mass",),))
+    assert one.badge == "effect identified"
+    assert one.sentence == (
         "What the model lacks is clamp mass: with it the mean frequency error falls from 3.4 % to 1.0 %, of modes left "
         "out from 4.3 % to 1.6 %."
     )
-    assert own.command == "lamella fit 'my test/x.toml' -o out/x --effect clamp_mass"
+    assert one.command == "lamella fit 'my test/x.toml' -o out/x --effect clamp_mass"
 
 
 def test_the_badge_says_what_was_identified():
     assert first(verdict="identified", set=(("clamp_mass", "weld_seam"),)).badge == "effects identified"
-    own = first(verdict="identified", set=(("clamp_mass",),), measurement=("clamp_mass",))
-    assert own.badge == "fault of the measurement identified"
+    one = first(verdict="identified", set=(("clamp_mass",),), measurement=("clamp_mass",))
+    assert one.badge == "fault of the measurement identified"
 
 
 @pytest.mark.parametrize(("apart", "said"), [(0.026, True), (0.02, False), (float("nan"), False)])
@@ -99,15 +99,15 @@ def test_where_frequencies_hardly_gain_the_errors_of_damping_tell_what_it_is_wor
     ],
 )  # fmt: skip
 def test_every_verdict_has_its_sentence(verdict, left, tone, words):
-    own = first(verdict=verdict, set=left)
-    assert (own.badge, own.tone) == (verdict, tone)
-    assert words in own.sentence
-    assert "_" not in own.sentence
+    one = first(verdict=verdict, set=left)
+    assert (one.badge, one.tone) == (verdict, tone)
+    assert words in one.sentence
+    assert "_" not in one.sentence
 
 
 def test_what_the_data_cannot_tell_apart_asks_for_another_test():
-    own = first(verdict="one of", set=(("clamp_mass",), ("weld_seam",)), next_tests=(object(),))
-    assert own.command == "lamella next-test 'my test/x.toml' -o out/x"
+    one = first(verdict="one of", set=(("clamp_mass",), ("weld_seam",)), next_tests=(object(),))
+    assert one.command == "lamella next-test 'my test/x.toml' -o out/x"
 
 
 def test_an_effect_that_was_added_is_not_added_again():
@@ -117,13 +117,13 @@ def test_an_effect_that_was_added_is_not_added_again():
 
 
 def test_an_effect_of_a_file_that_the_page_does_not_know_is_not_in_a_command():
-    own = first(verdict="identified", set=(("own",),), ranking=(BASE, ranked("own", error=0.01, left_out=0.02)))
-    assert "--effect" not in own.command
+    one = first(verdict="identified", set=(("own",),), ranking=(BASE, ranked("own", error=0.01, left_out=0.02)))
+    assert "--effect" not in one.command
 
 
 def test_the_way_of_the_error_goes_from_the_base_model_over_each_effect_to_what_is_left():
     way = steps(results(diagnosis=diagnosis(verdict="identified", steps=(BASE, MASS, BOTH))))
-    assert [own.name for own in way] == ["base model", "clamp mass", "weld seams on the long sides"]
+    assert [one.name for one in way] == ["base model", "clamp mass", "weld seams on the long sides"]
     drawn = json.loads(step_picture(way).chart)["data"]
     assert [trace["measure"] for trace in drawn] == [["absolute", "relative", "relative", "total"]] * 2
     np.testing.assert_allclose(drawn[0]["y"][:3], [3.4, -2.4, -0.95])
@@ -142,11 +142,11 @@ def test_where_the_model_fails_stands_side_by_side_of_all_configurations(n):
     tested = tuple(
         SimpleNamespace(name=name, identified=None, fit=SimpleNamespace(name=name, **vars(fit))) for name in names
     )
-    own = diagnosis(
+    one = diagnosis(
         verdict="identified", set=(("clamp_mass",),), steps=(BASE, MASS),
         errors=(ModeError(configuration="M1", mode=1, frequency=100.0, base=0.02, explained=0.001, std=0.0),),
     )  # fmt: skip
-    _, *pictures = opening_section(results(diagnosis=own, tested=tested), maps).blocks
+    _, *pictures = opening_section(results(diagnosis=one, tested=tested), maps).blocks
     halves = [picture.name for picture in pictures if picture.width == "half"]
     assert len(halves) % 2 == 0
     assert halves[-n:] == [f"error_map_{name}" for name in names][-n:] or n == 0
@@ -180,9 +180,9 @@ def test_an_updating_says_what_it_changed_and_not_that_no_model_was_fitted():
     fit = SimpleNamespace(error=error, configuration=(configuration,))
     modes = SimpleNamespace(frequency=np.array([100.0, 200.0]))
     given = results(tested=(SimpleNamespace(name="M1", measured=modes, fit=None),), updated=SimpleNamespace(fit=fit))
-    own = opening(given)
-    assert own.badge == "fitted"
-    assert own.sentence == ("1 configuration fitted together: the mean frequency error goes from 3.0 % to 0.10 %.")
+    one = opening(given)
+    assert one.badge == "fitted"
+    assert one.sentence == ("1 configuration fitted together: the mean frequency error goes from 3.0 % to 0.10 %.")
     (change,) = mode_changes(given)
     assert (change.mode, change.before, change.after) == (1, pytest.approx(0.03), pytest.approx(0.001))
 

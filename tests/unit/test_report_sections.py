@@ -82,11 +82,11 @@ def test_the_sentences_of_a_diagnosis_come_first():
 
 
 def test_what_was_moved_is_listed_with_the_farthest_first():
-    own = {"std": 0.01, "stated": 1.0, "unit": "1"}
+    one = {"std": 0.01, "stated": 1.0, "unit": "1"}
     moved = (
-        Moved(name="a", label="gain", value=1.02, prior=0.02, deviations=1.0, **own),
-        Moved(name="b", label="pressure", value=0.7, prior=0.1, deviations=-3.0, **own),
-        Moved(name="G_f", label="contact stiffness", value=1.1, prior=None, deviations=None, **own),
+        Moved(name="a", label="gain", value=1.02, prior=0.02, deviations=1.0, **one),
+        Moved(name="b", label="pressure", value=0.7, prior=0.1, deviations=-3.0, **one),
+        Moved(name="G_f", label="contact stiffness", value=1.1, prior=None, deviations=None, **one),
     )
     made = dict.fromkeys(Diagnosis.__dataclass_fields__, ()) | {"moved": moved}
     rows = moved_table(results(diagnosis=Diagnosis(**made))).rows

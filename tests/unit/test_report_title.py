@@ -18,5 +18,5 @@ def test_a_title_cannot_end_the_string_of_a_style_sheet_that_holds_it():
     title = 'a "quoted" </style> \\ title'
     assert not set('"<>/\n') & set(in_css(title))
     foot = re.search(r"@bottom-left { content: \"(.*?)\"; }", render(title, ()))[1]
-    back = re.sub(r"\\([0-9a-f]+) ", lambda own: chr(int(own[1], 16)), foot)
+    back = re.sub(r"\\([0-9a-f]+) ", lambda one: chr(int(one[1], 16)), foot)
     assert back == title

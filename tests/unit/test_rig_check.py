@@ -51,14 +51,14 @@ def true_modes():
 def measured(factor=1.0, sign=None, force=FORCE):
     """Return what an identification gives where all functions are multiplied by a factor and sensors by signs."""
     frequency, shape = true_modes()
-    own = shape[:N] * (np.ones(N) if sign is None else sign)[:, None]
+    one = shape[:N] * (np.ones(N) if sign is None else sign)[:, None]
     pole = 2.0 * np.pi * frequency * (-0.002 + 1j)
     return SimpleNamespace(
         name="M1",
         frequency=frequency,
         pole=pole,
-        residue=(factor * own * shape[N] / (2j * pole.imag))[:, None, :],
-        shape=own.astype(complex),
+        residue=(factor * one * shape[N] / (2j * pole.imag))[:, None, :],
+        shape=one.astype(complex),
         node=np.arange(1, N + 1),
         direction=np.tile([0.0, 0.0, 1.0], (N, 1)),
         sensor=np.arange(N) % 2,
@@ -128,20 +128,20 @@ def test_a_pressure_in_another_unit_is_named(pressure, said):
     (found,) = check_rig(system(), pressure, measured(), RANGE).findings[:1]
     assert said in found
     assert found.startswith("M1: the pressure between the laminas is stated as")
-    assert not any("pressure" in own for own in check_rig(system(), PRESSURE, measured(), RANGE).findings)
+    assert not any("pressure" in one for one in check_rig(system(), PRESSURE, measured(), RANGE).findings)
 
 
 def test_two_modes_turn_no_sensor_over():
     """Bending and torsion near each other are each other's shapes with one side turned."""
-    own, sign = measured(), np.where(np.arange(N) % 2 == 1, -1.0, 1.0)
-    own.frequency, own.pole = own.frequency[:2], own.pole[:2]
-    own.residue, own.shape = own.residue[:, :, :2], sign[:, None] * own.shape[:, :2]
-    assert check_rig(system(), PRESSURE, own, RANGE).sensor == 0
+    one, sign = measured(), np.where(np.arange(N) % 2 == 1, -1.0, 1.0)
+    one.frequency, one.pole = one.frequency[:2], one.pole[:2]
+    one.residue, one.shape = one.residue[:, :, :2], sign[:, None] * one.shape[:, :2]
+    assert check_rig(system(), PRESSURE, one, RANGE).sensor == 0
 
 
 def test_without_the_place_of_the_force_only_sensors_are_checked():
-    own = measured(factor=10.0)
-    own.geometry = Geometry(node=np.arange(1, N + 1), coordinate=POINTS, line=np.empty((0, 2), int))
-    found = check_rig(system(), PRESSURE, own, RANGE)
+    one = measured(factor=10.0)
+    one.geometry = Geometry(node=np.arange(1, N + 1), coordinate=POINTS, line=np.empty((0, 2), int))
+    found = check_rig(system(), PRESSURE, one, RANGE)
     assert found.force is None
     assert found.findings == ()

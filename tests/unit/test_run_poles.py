@@ -24,9 +24,9 @@ def functions(poles, residue, noise=1e-3):
     """Receptances of modes whose poles are those of each run, (n_run, n_mode), with noise."""
     rng = np.random.default_rng(7)
     s = 2j * np.pi * LINES
-    own = np.asarray(poles)[RUN]
+    one = np.asarray(poles)[RUN]
     value = np.sum(
-        residue[..., None] / (s - own[..., None]) + residue.conj()[..., None] / (s - own.conj()[..., None]), axis=1
+        residue[..., None] / (s - one[..., None]) + residue.conj()[..., None] / (s - one.conj()[..., None]), axis=1
     )
     scatter = rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape)
     value += noise * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True)) * scatter

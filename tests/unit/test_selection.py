@@ -23,8 +23,8 @@ def functions(frequency, damping, shape, noise, seed=0, colour=0.0):
 
     The noise has its share of the rms in mid-band and follows a power of the frequency.
     """
-    s, own = 2j * np.pi * LINES, 2 * np.pi * np.asarray(frequency)[:, None]
-    modes = s**2 / (s**2 + 2 * np.asarray(damping)[:, None] * own * s + own**2)
+    s, one = 2j * np.pi * LINES, 2 * np.pi * np.asarray(frequency)[:, None]
+    modes = s**2 / (s**2 + 2 * np.asarray(damping)[:, None] * one * s + one**2)
     value = (shape * shape[0]) @ modes
     rng = np.random.default_rng(seed)
     white = rng.standard_normal((2, *value.shape))
@@ -153,9 +153,9 @@ def test_a_mode_of_rough_phases_that_stands_alone_is_taken():
     # each blow on the roving points has its own small delay, so that weak residues turn
     frf = functions([80, 190, 330], [0.004] * 3, beam(24, 3), 1e-3)
     rng = np.random.default_rng(2)
-    s, own = 2j * np.pi * LINES, 2 * np.pi * 250
+    s, one = 2j * np.pi * LINES, 2 * np.pi * 250
     turned = 0.05 * rng.choice([-1, 1], 24) * np.exp(0.45j * rng.standard_normal(24))
-    weak = s**2 / (s**2 + 2 * 0.004 * own * s + own**2)
+    weak = s**2 / (s**2 + 2 * 0.004 * one * s + one**2)
     model = identified(replace(frf, value=frf.value + (turned[:, None] * weak)[:, None]))
     np.testing.assert_allclose(model.frequency, [80, 190, 250, 330], rtol=1e-3)
 

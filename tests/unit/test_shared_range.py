@@ -24,8 +24,8 @@ def matrices():
 
 
 def test_matrices_in_ranges_are_the_same_in_full(matrices):
-    for own, found in zip(matrices, in_ranges(matrices), strict=True):
-        np.testing.assert_allclose(full(found), own, atol=1e-11 * np.abs(own).max())
+    for one, found in zip(matrices, in_ranges(matrices), strict=True):
+        np.testing.assert_allclose(full(found), one, atol=1e-11 * np.abs(one).max())
         assert n_row(found) == N
 
 
@@ -55,7 +55,7 @@ def test_matrices_come_one_by_one_and_go_with_the_range_that_they_share():
             assert alive() <= 3
 
     def alive():
-        return sum(own() is not None for own in made_before)
+        return sum(one() is not None for one in made_before)
 
     assert len(in_ranges(made())) == 4
     assert alive() == 0
@@ -75,14 +75,14 @@ def test_directions_that_hardly_differ_spoil_no_matrix():
     rng = np.random.default_rng(5)
     root = np.linalg.qr(rng.normal(size=(N, 12)))[0]
     near = [root + 10.0**-k * rng.normal(size=root.shape) for k in (4, 6, 8, 10, 12)]
-    matrices = [own @ own.T for own in (root, *near)]
-    for own, found in zip(matrices, in_ranges(matrices), strict=True):
-        np.testing.assert_allclose(full(found), own, atol=1e-11)
+    matrices = [one @ one.T for one in (root, *near)]
+    for one, found in zip(matrices, in_ranges(matrices), strict=True):
+        np.testing.assert_allclose(full(found), one, atol=1e-11)
 
 
 def test_a_sum_of_both_kinds_is_that_of_the_full_ones(matrices):
     factors = [2.0, -0.5, 3.0, 1.0, 0.25]
-    expected = sum(f * own for f, own in zip(factors, matrices, strict=True))
+    expected = sum(f * one for f, one in zip(factors, matrices, strict=True))
     found = summed(N, zip(factors, in_ranges(matrices), strict=True))
     np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
 

@@ -102,15 +102,15 @@ def ranked(effects, error, left_out):
 def test_a_diagnosis_shows_its_answer_and_draws_how_the_error_falls():
     base, found = ranked((), 0.04, 0.05), ranked(("mass",), 0.001, 0.002)
     mode = SimpleNamespace(configuration="M1", mode=1, frequency=300.0, base=0.04, explained=0.001)
-    own = SimpleNamespace(
+    one = SimpleNamespace(
         verdict="identified", set=(("mass",),), labels={"mass": "a mass"}, measurement=(), explained=0.9,
         steps=(base, found), ranking=(found, base), errors=(mode,), ranked=lambda e: found if e else base,
         shown=lambda most: (found, base)[:most],
     )  # fmt: skip
-    text = diagnosis_html(own)
+    text = diagnosis_html(one)
     assert "What the model lacks is a mass: with it the mean frequency error falls from 4.0 % to 0.10 %" in text
     assert text.index("<td>a mass</td>") < text.index("<td>base model</td>")
-    steps, modes = (part.axes[0] for part in diagnosis_figure(own).subfigs)
+    steps, modes = (part.axes[0] for part in diagnosis_figure(one).subfigs)
     assert [bar.get_height() for bar in steps.patches[:3]] == pytest.approx([4.0, 3.9, 0.1])
     assert [bar.get_height() for bar in modes.patches] == pytest.approx([4.0, 0.1])
     assert html_of.dispatch(Diagnosis) is diagnosis_html

@@ -125,7 +125,7 @@ def test_slides_show_the_mac_of_both_models_and_all_places_of_error_beside_each_
     show = {slide.shapes.title.text: slide for slide in Presentation(str(path)).slides}
     assert list(show) == [
         "A test: identified", "Where the base model fails",
-        *(f"{name}" for own in ("M1", "M2") for name in (f"{own}: Both", f"MAC of {own}", f"Mode shapes of {own}")),
+        *(f"{name}" for one in ("M1", "M2") for name in (f"{one}: Both", f"MAC of {one}", f"Mode shapes of {one}")),
     ]  # fmt: skip
 
     def pictures(title):

@@ -163,7 +163,7 @@ def test_a_screen_turns_modes_of_a_changed_stack_into_errors_that_its_change_tak
     errors = equation_errors(state, screen.modal, np.full(N_SEEN, 1e-4), x.size)
     value, loss = _changed(state, errors, screen.modal, screen.change(x))
     after = errors.value + value[:, 0].reshape(errors.value.shape)
-    before, left = (np.sum(own * errors.weight, axis=1) for own in (errors.value, after))  # what sensors see surely
+    before, left = (np.sum(one * errors.weight, axis=1) for one in (errors.value, after))  # what sensors see surely
     np.testing.assert_allclose(left, 0.0, atol=0.05 * np.abs(before).max())
     if name == "clamp_added_mass":  # what modes beyond lose is left out
         np.testing.assert_allclose(errors.damping + loss[:, 0], 0.0, atol=0.2 * np.abs(errors.damping).max())

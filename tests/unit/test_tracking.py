@@ -101,7 +101,7 @@ def pairs_right(system, noise, seed):
     trials = [solve(system, value, grid, 16) for value in around]
     family = [cross_orthogonality(t.coordinate, reference, mass) ** 2 for t in trials]
     rng, right = np.random.default_rng(seed), []
-    for test, own in zip(trials, family, strict=True):
+    for test, one in zip(trials, family, strict=True):
         shape = test.shape[:, :4]
         size = np.sqrt(np.mean(shape**2, axis=0))
         measured = SimpleNamespace(
@@ -118,7 +118,7 @@ def pairs_right(system, noise, seed):
             whole = 0 in number and number[0] == number.get(1)
             for r in (0, 1):
                 share = theirs[partner[r]] if r in partner else np.zeros(2)
-                same = np.argmax(share) == np.argmax(own[r])
+                same = np.argmax(share) == np.argmax(one[r])
                 right.append(share.sum() > 0.8 and (whole or same))
     return np.mean(right)
 

@@ -38,7 +38,7 @@ def test_stacks_that_differ_widen_the_interval():
 
 
 def test_a_treatment_is_stated_as_the_paper_states_it():
-    own = Treatment(
+    one = Treatment(
         name="lubricant",
         pairs=(("16", "8"),),
         stiffness=shift(0.0, 0.1),
@@ -46,7 +46,7 @@ def test_a_treatment_is_stated_as_the_paper_states_it():
         exponent=shift(float("nan"), 0.0),
         published=(("16 against 8", np.log(0.985), np.log(1.36)),),
     )
-    assert own.sentence.startswith("lubricant (16 against 8): G_f +0 % (-10 to +11), d_f +50 % (+23 to +83)")
-    assert "Table 6, 16 against 8: G_f -2 %, d_f +36 %" in own.sentence
-    assert "as much as 150 %" in own.sentence
-    assert treatments_csv([own]).decode().splitlines()[1].startswith("lubricant,16/8,0,-0.09516,0.1052,0.5,")
+    assert one.sentence.startswith("lubricant (16 against 8): G_f +0 % (-10 to +11), d_f +50 % (+23 to +83)")
+    assert "Table 6, 16 against 8: G_f -2 %, d_f +36 %" in one.sentence
+    assert "as much as 150 %" in one.sentence
+    assert treatments_csv([one]).decode().splitlines()[1].startswith("lubricant,16/8,0,-0.09516,0.1052,0.5,")

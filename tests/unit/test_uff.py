@@ -76,7 +76,7 @@ def test_directions_off_the_axes_get_local_axes(tmp_path, structure):
     functions, _ = read_uff_functions(tmp_path / "a.uff")
     back, _ = read_uff_geometry(tmp_path / "a.uff")
     frfs = [f for f in functions if f.kind == "frf"]
-    found = [back.direction(*own) for own in dict.fromkeys(f.output for f in frfs)]
+    found = [back.direction(*one) for one in dict.fromkeys(f.output for f in frfs)]
     np.testing.assert_allclose(found, output.direction, atol=1e-12)
     assert np.linalg.det(back.axes[0]) == pytest.approx(1.0)
 

@@ -43,11 +43,11 @@ def diagnosed():
 
 def test_what_was_found_comes_first_then_what_was_tried_then_all_others_by_family():
     listed = effect_choices(results(diagnosis=diagnosed()))
-    assert [own["value"] for own in listed[:2]] == ["clamp_mass", "weld_seam"]
+    assert [one["value"] for one in listed[:2]] == ["clamp_mass", "weld_seam"]
     assert FIRST in listed[0]["subtitle"]
     assert NEXT in listed[1]["subtitle"]
-    assert {own["value"] for own in listed} == set(catalogue())
-    families = [own["subtitle"] for own in listed[2:]]
+    assert {one["value"] for one in listed} == set(catalogue())
+    families = [one["subtitle"] for one in listed[2:]]
     assert families == sorted(families)
     assert len(effect_choices(results())) == len(listed)
 
@@ -61,7 +61,7 @@ def test_sliders_stand_in_groups_with_a_heading_each():
         [knob(n) for n in ("G_f", "d_f", "pressure", "clamp_added_mass", "middle_loss")],
         ["clamp_mass", "lost_contact_middle"],
     )
-    assert [own["head"] for own in rows] == [
+    assert [one["head"] for one in rows] == [
         "contact, of the base model", "", "",
         f"{catalogue()['clamp_mass'].label} (inertia)", "lost contact in the middle (pressure field)",
     ]  # fmt: skip
@@ -74,8 +74,8 @@ def stack():
 
 
 def test_sliders_are_set_to_what_the_diagnosis_fitted_for_the_configuration():
-    own = replace(ranked("clamp_mass", parameter=(MASS,)), nuisance={"G_f": 0.1, "G_f[M2]": 0.02, "d_f": -0.5})
-    given = results(diagnosis=replace(diagnosed(), stack=stack(), ranking=(own,)))
+    one = replace(ranked("clamp_mass", parameter=(MASS,)), nuisance={"G_f": 0.1, "G_f[M2]": 0.02, "d_f": -0.5})
+    given = results(diagnosis=replace(diagnosed(), stack=stack(), ranking=(one,)))
     assert values_of(given, "M2", ["clamp_mass"]) == pytest.approx(
         {"G_f": 1000.0 * math.exp(0.12), "d_f": 1e-11 * math.exp(-0.5), "clamp_added_mass": 0.3}
     )
@@ -97,10 +97,10 @@ def test_an_answer_counts_with_what_it_says_of_the_measurement_and_others_as_the
 
 
 def test_what_a_fit_changed_is_said_with_the_numbers_of_the_diagnosis():
-    base, own = ranked(), ranked("clamp_mass", parameter=(MASS,))
+    base, one = ranked(), ranked("clamp_mass", parameter=(MASS,))
     base = replace(base, frequency_error=0.043, left_out_error=0.15)
-    own = replace(own, frequency_error=0.00039, left_out_error=0.00093)
-    text = fitted_sentence(results(diagnosis=replace(diagnosed(), ranking=(own, base))), ["clamp_mass"])
+    one = replace(one, frequency_error=0.00039, left_out_error=0.00093)
+    text = fitted_sentence(results(diagnosis=replace(diagnosed(), ranking=(one, base))), ["clamp_mass"])
     assert text == (
         "Mean frequency error 4.3 % before and 0.039 % after the fit, of modes left out 15 % and 0.093 %; "
         "clamp_added_mass = 300 g (100 g to 500 g)."
@@ -121,19 +121,19 @@ class State(SimpleNamespace):
 @pytest.mark.parametrize("word", CHANGES)
 def test_what_is_about_to_be_replaced_is_grey_and_says_so_until_the_command_has_ended(word, monkeypatch):
     state = State(stale="", said=[], running="")
-    own = diagnosis_panel._Commands(state, SimpleNamespace(results=results))
+    one = diagnosis_panel._Commands(state, SimpleNamespace(results=results))
     monkeypatch.setattr(diagnosis_panel, "opening", lambda _: SimpleNamespace(badge="", sentence=""))
 
     async def run(words, done):
         assert state.stale == CHANGES[word]
         await done(0)
 
-    own.command = SimpleNamespace(run=run)
+    one.command = SimpleNamespace(run=run)
 
     async def whole():
-        own.start([word, "campaign.toml"])
+        one.start([word, "campaign.toml"])
         assert state.stale == CHANGES[word]
-        await own._task
+        await one._task
 
     asyncio.run(whole())
     assert state.stale == ""
@@ -164,16 +164,16 @@ def test_what_a_panel_holds_is_grey_until_it_has_read_the_configuration_that_is_
 
 def test_a_report_makes_nothing_grey(monkeypatch):
     state = State(stale="", said=[], running="")
-    own = diagnosis_panel._Commands(state, SimpleNamespace(results=results))
+    one = diagnosis_panel._Commands(state, SimpleNamespace(results=results))
 
     async def run(*_):
         pass
 
-    own.command = SimpleNamespace(run=run)
+    one.command = SimpleNamespace(run=run)
 
     async def whole():
-        own.start(["report", "out"])
-        await own._task
+        one.start(["report", "out"])
+        await one._task
 
     asyncio.run(whole())
     assert state.stale == ""

@@ -95,8 +95,8 @@ def test_a_campaign_without_results_is_made_once_and_nothing_is_refused(tmp_path
         made.append((file, folder))
 
     (tmp_path / "campaign.toml").write_text("", encoding="utf-8")
-    own = find(tmp_path, tmp_path / "out", make)
-    assert (own.campaign, own.folder) == (tmp_path / "campaign.toml", tmp_path / "out")
+    one = find(tmp_path, tmp_path / "out", make)
+    assert (one.campaign, one.folder) == (tmp_path / "campaign.toml", tmp_path / "out")
     assert made == [(tmp_path / "campaign.toml", tmp_path / "out")]
     with pytest.raises(StoreError, match="nothing to open; give a campaign file"):
         find(tmp_path / "out", None, make)

@@ -48,10 +48,10 @@ def polypy(structure, frf):
     near = distance[row, column] < 2.0 * DAMPING
     if row.size < true.size or not near.all():
         return 0.0
-    own = poles[row[np.argsort(column)]]
+    one = poles[row[np.argsort(column)]]
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
-        model.compute_shapes(own, real_modes=False)
+        model.compute_shapes(one, real_modes=False)
     shape = model.shapes[output[:, 0]].T if hasattr(model.shapes, "coordinate") else model.shapes
     real = structure.shape[:, structure.seen][:, np.argsort(structure.frequency[structure.seen])]
     first = np.flatnonzero(np.diff(true, prepend=0.0) > 2e-3 * true)
