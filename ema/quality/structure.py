@@ -25,7 +25,6 @@ _APART = (8, 13)
 """Lines, of which noise shares nothing even where a window has smeared it over its neighbours."""
 _NOISE, _MOST = 3.5, 0.45
 """Steadiness over one over the square root of the lines that noise stays below, even smeared by a window; the most."""
-_ENDS = (5.0, 95.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,11 +117,12 @@ def _lines(frf: FRF, *, parts: int = 8) -> int:
 
 def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the range of levels over the lines of each output, of its functions the widest, dB: (n_channel,)."""
+    ends = (5.0, 95.0)
     spans = []
     for block in in_blocks(channels):
         value = frf.value[block][..., frf.frequency > 0]
         level = 20 * np.log10(np.maximum(np.abs(value), np.finfo(float).tiny))
-        low, high = np.percentile(level, _ENDS, axis=2)
+        low, high = np.percentile(level, ends, axis=2)
         spans.append((high - low).max(axis=1))
     return np.concatenate(spans)
 

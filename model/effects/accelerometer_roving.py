@@ -16,13 +16,12 @@ from model.effects.parts import known_or_usual_instruments, point_mass
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter
 
-_SENSORS = 2
-
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the mean over the runs of two masses of 1 kg."""
+    sensors = 2
     sensor = known_or_usual_instruments(assembly.stack).sensor
-    share = _SENSORS / len(sensor)
+    share = sensors / len(sensor)
     return point_mass(assembly, "accelerometer_roving", "roving_sensor_mass", sensor[:, :2], share)
 
 

@@ -15,14 +15,13 @@ from model.contact.contact import tangential_krons
 from model.elements.equations import Assembly, Monomial, Term
 from model.stack.effect import Effect, Parameter
 
-_STRIP = 0.1
-
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return a modulus of 1 Pa that fades from both edges over a tenth of the width."""
+    strip = 0.1
     stack = assembly.stack
     y = assembly.plan.quadrature_points[1]
-    inward = (stack.width / 2.0 - np.abs(y)) / (_STRIP * stack.width)
+    inward = (stack.width / 2.0 - np.abs(y)) / (strip * stack.width)
     krons = tangential_krons(assembly.plan, stack.spacing, np.ones(stack.n_lamina - 1), np.exp(-inward))
     factor = Monomial(exponent={"adhesive_modulus": 1})
     return (Term(name="adhesive_edges", target="K", factor=factor, krons=krons),)

@@ -49,15 +49,11 @@ _PRESSURES = (160e3, 320e3)
 # Of the range: where derivatives are compared, off round numbers, where laws may have kinks
 _INSIDE = (0.37, 0.81)
 _FORCE = 1e-9  # of the forces that cancel: above it rigid-body motion meets a force
-_SYMMETRIC = 1e-12
 _STEP = 1e-4  # of a parameter's range, of differences
 _CENTRAL = {-1: -0.5, 1: 0.5}
 _FIVE_POINT = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
-_FACTOR_ERROR = 1e-5
-_N_MODE = 12
 
 _LABEL = re.compile(r"[^\WA-Z_][^\n]*[^\s.]")  # begins in lower case, one line, no full stop
-_LONGEST_LABEL = 60
 
 _TARGETS: tuple[Target, ...] = ("M", "C", "K")
 
@@ -112,10 +108,11 @@ def _reference(base: Assembly, pressure: float) -> tuple[sp.csr_matrix, dict[Tar
 
 
 def _text_faults(effect: Effect) -> Iterator[str]:
+    longest_label = 60
     label = effect.label
-    if not _LABEL.fullmatch(label) or len(label) > _LONGEST_LABEL or label == effect.name:
+    if not _LABEL.fullmatch(label) or len(label) > longest_label or label == effect.name:
         yield (
-            f"its label must be a noun phrase in lower case of at most {_LONGEST_LABEL} characters, such as 'clamp "
+            f"its label must be a noun phrase in lower case of at most {longest_label} characters, such as 'clamp "
             f"rotary inertia', got {label!r}"
         )
     alike = [other.name for other in catalogue().values() if other.label == label and other.name != effect.name]
@@ -166,11 +163,12 @@ def _neutral(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str
 
 
 def _symmetry(_: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    symmetric = 1e-12
     for term in _own(assembly, base):
         total = _sum(assembly, term)
         if not np.all(np.isfinite(total.data)):
             yield f"term {term.name!r}: its matrix is not finite"
-        elif abs(total - total.T).max() > _SYMMETRIC * abs(total).max():
+        elif abs(total - total.T).max() > symmetric * abs(total).max():
             yield f"term {term.name!r}: its matrix is not symmetric"
 
 
@@ -227,6 +225,7 @@ def _frequency(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[s
 
 
 def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    factor_error = 1e-5
     of = {p.name: p for p in effect.parameters}
     for theta, term in itertools.product(_inside(effect, assembly), _own(assembly, base)):
         for name, value in theta.items():
@@ -235,7 +234,7 @@ def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator
             at = {k: term.factor({**theta, name: value + k * step}) for k in _FIVE_POINT}
             difference = sum(weight * at[k] for k, weight in _FIVE_POINT.items()) / step
             size = max(abs(difference), abs(term.factor(theta)) / abs(span))
-            if not abs(term.factor.derivative(theta, name) - difference) <= _FACTOR_ERROR * size:
+            if not abs(term.factor.derivative(theta, name) - difference) <= factor_error * size:
                 yield (
                     f"term {term.name!r}: the derivative of its factor by {name} is "
                     f"{term.factor.derivative(theta, name):.6g}, finite differences say {difference:.6g}"
@@ -245,6 +244,7 @@ def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator
 
 def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
     """Compare gradients of frequencies and damping ratios by each parameter with differences."""
+    n_mode = 12
     tiny = 1e-6  # of the largest damping ratio: motion without contact has hardly any
     gradient_error = 1e-4  # of the range's effect on the frequency; differences keep some six digits
     # Of five-point ones: stiff supports' rounding spoils narrow differences, kinks wide ones
@@ -255,7 +255,7 @@ def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
 
     def modes(values: dict[str, float], by: Sequence[str] = ()) -> Modes:
         return solve_modes(
-            system, G_f=stack.contact.G_f, d_f=stack.contact.d_f, n_mode=_N_MODE, observation=observed,
+            system, G_f=stack.contact.G_f, d_f=stack.contact.d_f, n_mode=n_mode, observation=observed,
             parameters=values, by=by,
         ).elastic()  # fmt: skip
 

@@ -19,18 +19,17 @@ from model.effects.parts import every_lamina, known_or_usual_instruments, mean_o
 from model.elements.equations import Assembly, Monomial, Term
 from model.stack.effect import Effect, Parameter
 
-_LENGTH = 0.05
-
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return springs of 1 N/m at the shaker's point."""
+    length = 0.05
     pad = (0.03, 0.03)  # a thin lamina alone would twist under the stud
     x, y, _ = known_or_usual_instruments(assembly.stack).shaker
     at, point, row = every_lamina(assembly.stack), np.array([[x, y]]), assembly.plan.point_rows
     krons = (
         square("u", row("u", point), at),
         square("v", row("v", point), at),
-        *(square("w", mean_over(assembly, "w", (x, y), pad, slope), at, _LENGTH**2 / 3.0) for slope in ("x", "y")),
+        *(square("w", mean_over(assembly, "w", (x, y), pad, slope), at, length**2 / 3.0) for slope in ("x", "y")),
     )
     factor = Monomial(exponent={"stinger_lateral": 1})
     return (Term(name="stinger_stiffness", target="K", factor=factor, krons=krons),)

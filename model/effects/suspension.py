@@ -18,15 +18,14 @@ from model.elements.equations import Assembly, Monomial, Term
 from model.elements.mesh import FIELDS
 from model.stack.effect import Effect, Parameter
 
-_SIDEWAYS = 0.1
-
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return four springs of 1 N/m under the stack."""
+    sideways = 0.1
     stack = assembly.stack
     x, y = 0.28 * stack.length, 0.3 * stack.width
     feet = np.array([[-x, -y], [-x, y], [x, -y], [x, y]])
-    strength = {"u": _SIDEWAYS, "v": _SIDEWAYS, "w": 1.0}
+    strength = {"u": sideways, "v": sideways, "w": 1.0}
     krons = tuple(
         square(field, assembly.plan.point_rows(field, feet), every_lamina(stack), strength[field]) for field in FIELDS
     )

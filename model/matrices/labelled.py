@@ -240,9 +240,6 @@ def placed(entries: Entries, node: Index, dof: Index, of: str) -> sp.csr_matrix:
     return sp.csr_matrix(turn @ matrix @ turn.T)
 
 
-_NOTHING = 1e-14  # of the largest diagonal entry: rounding
-
-
 def check_rows(
     stiffness: sp.csr_matrix, mass: sp.csr_matrix, node: Index, dof: Index
 ) -> tuple[NDArray[np.bool_], list[str]]:
@@ -253,6 +250,7 @@ def check_rows(
     MatricesError
         There is no mass, a diagonal entry is negative, or a row couples without a diagonal: a Lagrange multiplier.
     """
+    nothing = 1e-14  # of the largest diagonal entry: rounding
     root = 4.4e-8  # least share of an entry's size beyond which a coupling without a diagonal is meant
     zero = {}
     for what, matrix in (("stiffness", stiffness), ("mass", mass)):
@@ -263,13 +261,13 @@ def check_rows(
                 f"the {what} matrix is zero; "
                 + ("give the material a density" if what == "mass" else "no structure vibrates without stiffness")
             )
-        if (diagonal < -_NOTHING * largest).any():
+        if (diagonal < -nothing * largest).any():
             i = int(np.argmin(diagonal))
             refuse(
                 f"{name_of(int(node[i]), int(dof[i]))} has a {what} of {diagonal[i]:.4g}, below zero; no part of a "
                 "structure at rest has that. Is a factor too small, or a matrix not what its file says?"
             )
-        zero[what] = np.abs(diagonal) <= _NOTHING * largest
+        zero[what] = np.abs(diagonal) <= nothing * largest
         coupling = abs(matrix).max(axis=1).toarray().reshape(-1)
         lagrange = zero[what] & (coupling > root * largest)
         if lagrange.any():

@@ -31,12 +31,6 @@ _TOLERANCE = 1e-11  # relative, of eigenvalues
 
 _ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
 
-_NEGATIVE = 0.01  # of the shift: rounding, and text with few digits, give rigid motion less
-
-
-_RIGID = 0.01  # of the lowest elastic frequency, below which motion of a rigid body is free
-
-_ORDER = 2  # powers of a change that responses stand for: what is left is of the third
 
 _COLUMNS = 64  # right-hand sides at once
 
@@ -212,12 +206,13 @@ def reduce_matrices(
     MatricesError
         The structure is not held together, or motions of a rigid body cost energy though it is stated to be free.
     """
+    negative = 0.01  # of the shift: rounding, and text with few digits, give rigid motion less
     theta = {**structure.theta, **(theta or {})}
     stiffness, mass = (structure.matrix(target, theta) for target in ("K", "M"))
     shift = _shift(structure)
     factor = _factored(structure, stiffness + shift * mass)
     modes, value = _modes(mass, factor, shift, structure.band_Hz)
-    if value[0] < -_NEGATIVE * shift:
+    if value[0] < -negative * shift:
         refuse(f"{structure.name}: the stiffness is negative along the lowest mode; is it that of a buckled state?")
     _check_rigid(structure, stiffness, mass, value)
     loads, answers = _responses(structure, factor, modes, value)
@@ -281,12 +276,13 @@ def _responses(
     structure: MatrixStructure, factor: CholeskyFactor, modes: Vectors, value: Vectors
 ) -> tuple[list[Vectors], list[Vectors]]:
     """Return forces, those at points first, and their static responses, each (n, k)."""
+    order = 2  # powers of a change that responses stand for: what is left is of the third
     loads = [_unit_loads(structure)]
     answers = [_solved(factor, loads[0])]
     below = value < (2.0 * np.pi * structure.band_Hz) ** 2
     for one in structure.factors:
         answer = modes[:, below]
-        for _ in range(_ORDER):
+        for _ in range(order):
             loads.append(_changed(structure, one, answer, value[below]))
             answer = _solved(factor, loads[-1])
             answers.append(answer)
@@ -326,11 +322,12 @@ def _check_rigid(structure: MatrixStructure, stiffness: Any, mass: Any, value: V
     MatricesError
         The message says which motion costs energy.
     """
+    rigid = 0.01  # of the lowest elastic frequency, below which motion of a rigid body is free
     stated = structure.rigid_modes
     if stated is None:
         return
     free = np.sqrt(np.maximum(value, 0.0)) / (2.0 * np.pi)
-    limit = _RIGID * (free[stated] if free.size > stated else structure.band_Hz)
+    limit = rigid * (free[stated] if free.size > stated else structure.band_Hz)
     found = int(np.count_nonzero(free < limit))
     if found == stated:
         return
@@ -408,8 +405,6 @@ _ABOUT = 27  # nodes about a point: the neighbours of one in a mesh of bricks
 _LOOKED = 1e-3  # share of a direction along an axis that counts
 
 _SAME = 1e-6  # of the structure's size: a point is on a node
-
-_SINGULAR = 1e-4  # of the polynomial: directions in which nodes do not spread
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -512,6 +507,7 @@ def _near(
     structure: MatrixStructure, node: Index, location: Vectors, tolerance: float
 ) -> tuple[Index, Vectors, Vectors, Vectors, Vectors]:
     """Return nodes about places, (n, k), their weights and slopes, and how far the nearest is, (n,), and is too far."""
+    singular = 1e-4  # of the polynomial: directions in which nodes do not spread
     first = np.unique(structure.node, return_index=True)
     place = structure.location[first[1][np.searchsorted(first[0], node)]]
     n, k = len(location), min(_ABOUT, node.size)
@@ -533,7 +529,7 @@ def _near(
         x, y, z = (away / reach).T
         powers = np.column_stack([np.ones(k), x, y, z, x * x, y * y, z * z, x * y, y * z, z * x])
         near_more = np.exp(-2.0 * (x * x + y * y + z * z))
-        found = np.linalg.pinv(near_more[:, None] * powers, rcond=_SINGULAR) * near_more
+        found = np.linalg.pinv(near_more[:, None] * powers, rcond=singular) * near_more
         weight[i], slope[i] = found[0], found[1] / (reach * spacing[0])
         if distance[i].min() < _SAME * size:
             weight[i] = np.arange(k) == int(distance[i].argmin())

@@ -193,9 +193,6 @@ def _nblock(path: Path) -> dict[int, tuple[float, ...]]:
     return table
 
 
-_ROUNDING = 1e-9  # m, by which a node may lie outside a box
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Rows:
     """Rows of the matrices of a structure.
@@ -365,6 +362,7 @@ def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> 
     MatricesError
         It is stated in no way or in two, or holds no node, or one that there is not.
     """
+    rounding = 1e-9  # m, by which a node may lie outside a box
     if sum(one is not None for one in (given.nodes, given.set, given.box_mm)) != 1:
         refuse(f"group {given.name}: give one of nodes, set and box_mm")
     if given.nodes is not None:
@@ -378,7 +376,7 @@ def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> 
     else:
         low, high = np.array(given.box_mm).T * 1e-3
         place = nodes.location * units.length
-        found = nodes.number[np.all((place >= low - _ROUNDING) & (place <= high + _ROUNDING), axis=1)]
+        found = nodes.number[np.all((place >= low - rounding) & (place <= high + rounding), axis=1)]
     known = used if nodes is None else nodes.number
     missing = found[~np.isin(found, known)]
     if missing.size or not found.size:

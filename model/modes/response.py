@@ -18,8 +18,6 @@ from model.stack.errors import SolveError
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 
-_LINES_AT_ONCE = 256
-
 
 def frf(
     system: ReducedSystem,
@@ -136,9 +134,10 @@ def _superposed(
     `following` are the terms whose factor depends on frequency; the matrices have them at that of `theta`, but nothing
     of what rides on the structure.
     """
+    lines_at_once = 256
     value = np.empty((response.shape[0], load.shape[1], omega.size), dtype=complex)
-    for first in range(0, omega.size, _LINES_AT_ONCE):
-        lines = omega[first : first + _LINES_AT_ONCE, None, None]
+    for first in range(0, omega.size, lines_at_once):
+        lines = omega[first : first + lines_at_once, None, None]
         dynamic = reduced["K"] + 1j * lines * reduced["C"] - lines**2 * reduced["M"]
         for term, matrix in following:
             at = [term.factor({**theta, OMEGA: float(line)}) for line in lines.ravel()]
@@ -147,7 +146,7 @@ def _superposed(
             power = {"K": 0, "C": 1, "M": 2}[term.target]
             dynamic += change * (1j * lines) ** power * matrix
         solved = np.linalg.solve(dynamic, np.broadcast_to(load, (lines.size, *load.shape)))
-        value[:, :, first : first + _LINES_AT_ONCE] = (response @ solved).transpose(1, 2, 0)
+        value[:, :, first : first + lines_at_once] = (response @ solved).transpose(1, 2, 0)
     return value
 
 

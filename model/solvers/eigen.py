@@ -24,8 +24,6 @@ Product = Callable[[Vectors], Vectors]
 
 Block = tuple[Vectors, Vectors]  # mass-orthonormal vectors and their product with the mass matrix
 
-_MAX_STEPS = 40
-
 
 def orthonormalize(x: Vectors, mass: Product, against: Sequence[Block] = ()) -> Block:
     """Return a mass-orthonormal basis of what `x` adds to `against`, and its product with the mass.
@@ -107,10 +105,11 @@ def lowest_modes(
     SolveError
         The model has fewer modes, its numbers overflow, or there is no convergence within 40 steps.
     """
+    max_steps = 40
     blocks = [orthonormalize(start, mass, known)]
     projected = np.zeros((0, 0))
     before = np.zeros(0)
-    for step in range(1, _MAX_STEPS + 1):
+    for step in range(1, max_steps + 1):
         image = solve(blocks[-1][1])
         projected = _grown(projected, np.vstack([mass_basis.T @ image for _, mass_basis in blocks]))
         inverse, vectors = la.eigh(projected)
@@ -119,7 +118,7 @@ def lowest_modes(
         if (steady and step >= min_steps) or _exhausted(blocks, image, mass, known, n_mode - now.size):
             return now - shift, _combined(blocks, vectors[:, ::-1][:, : start.shape[1]])
         before = now
-    raise SolveError(f"the {n_mode} lowest modes did not converge in {_MAX_STEPS} steps")
+    raise SolveError(f"the {n_mode} lowest modes did not converge in {max_steps} steps")
 
 
 def _exhausted(blocks: list[Block], image: Vectors, mass: Product, known: Sequence[Block], missing: int) -> bool:

@@ -149,9 +149,6 @@ def region_plotter(
     return plotter
 
 
-_SPARSE = 16
-
-
 def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
     """Return the outputs whose first function is matched worst, in the middle, and best, by FRAC."""
     order = np.argsort(measured.correlation[:, 0], kind="stable")
@@ -258,10 +255,11 @@ def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], outp
 def _draw_model(
     magnitude: Axes, phase: Axes, frequency: NDArray[np.float64], model: NDArray[np.complex128], *, found: bool
 ) -> None:
+    sparse = 16
     gaps = (0, (1.5, 3.5))  # through which the other curves are seen
     color, name = (palette.FOUND, "with what was identified") if found else (palette.BASE, "fitted model")
     magnitude.semilogy(frequency, np.abs(model), color=color, linewidth=1.4, linestyle=gaps, label=name)
-    phase.plot(frequency[::_SPARSE], _degrees(model[::_SPARSE]), ".", color=color, markersize=1.5)
+    phase.plot(frequency[::sparse], _degrees(model[::sparse]), ".", color=color, markersize=1.5)
 
 
 def _degrees(value: NDArray[np.complex128]) -> NDArray[np.float64]:

@@ -118,8 +118,6 @@ CHOSEN = "chosen_poles.txt"
 
 BY_HAND = "chosen by hand"
 
-_ABOVE = 2  # folders above the results, which may be results, too: what a fit in the workbench writes is in them
-
 
 def keep_choice(poles: Path, folder: Path) -> None:
     """Make the poles of a file those that every later command identifies a configuration with.
@@ -167,6 +165,7 @@ def chosen_poles(campaign: Campaign, output: Path, given: Path | None = None) ->
     StoreError
         `given` holds no poles.txt of this campaign, or the results cannot be written.
     """
+    above = 2  # folders above the results, which may be results, too: what a fit in the workbench writes is in them
     output = output.absolute()
     if given is not None:
         files = {c.name: given.absolute() / folder_name(c.name) / "poles.txt" for c in campaign.configurations}
@@ -175,7 +174,7 @@ def chosen_poles(campaign: Campaign, output: Path, given: Path | None = None) ->
             raise StoreError(f"{given}: no */poles.txt of this campaign; `lamella ema` writes them beside its results")
         for name, file in existing.items():
             keep_choice(file, output / folder_name(name))
-    places = [output, *(p for p in output.parents[:_ABOVE] if _is_of(campaign, p))]
+    places = [output, *(p for p in output.parents[:above] if _is_of(campaign, p))]
     chosen = {}
     for configuration in campaign.configurations:
         files_ = (place / folder_name(configuration.name) / CHOSEN for place in places)

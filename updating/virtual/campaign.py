@@ -32,13 +32,10 @@ from updating.virtual.vibration_test import (
 
 _POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
 
-_LINES_AT_ONCE = 128
 
 _STEP = 1e-6  # relative, of the derivative that only steers the iteration
 
 _MOST_STEPS = 40
-
-_CONVERGED = 1e-11
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -125,6 +122,7 @@ def poles(
     SolveError
         A pole does not converge.
     """
+    converged = 1e-11
     aside = 1e-13  # relative step aside
     rounded = 1e-6  # relative step that may be rounding beside stiff supports, if it does not fall any more
     found, shapes = np.empty(start.size, complex), np.empty(vectors.shape, complex)
@@ -141,7 +139,7 @@ def poles(
             gain = (v @ u) / (v @ x)
             s, x = s - 1.0 / gain, u / gain
             step = abs(1.0 / gain)
-            if step < _CONVERGED * abs(s) or last <= step < rounded * abs(s):
+            if step < converged * abs(s) or last <= step < rounded * abs(s):
                 break
             last = step
         else:
@@ -201,11 +199,12 @@ def loaded_response(
     -------
     (n, n_frequency) complex
     """
+    lines_at_once = 128
     rows = sensors.reduced_rows
     groups = [np.flatnonzero(run == number) for number in np.unique(run)]
     value = clean.copy()
-    for first in range(0, frequency.size, _LINES_AT_ONCE):
-        omega = 2.0 * np.pi * frequency[first : first + _LINES_AT_ONCE]
+    for first in range(0, frequency.size, lines_at_once):
+        omega = 2.0 * np.pi * frequency[first : first + lines_at_once]
         stiffness = np.stack([of.at(1j * line) for line in omega])
         flexibility = np.linalg.solve(stiffness, np.broadcast_to(rows.T, (omega.size, *rows.T.shape)))
         for group in groups:

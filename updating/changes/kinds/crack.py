@@ -20,9 +20,6 @@ from updating.changes.structure import Part
 
 _LENGTHS = np.array([0.07, 0.14, 0.25, 0.4, 0.6])  # over the root of the plan's area
 _ANGLES = np.pi * np.arange(4) / 4.0
-_N_OPENING = 4  # functions U_j
-_N_ALONG = 24  # points along a crack
-_ALIKE = 1e-3  # of the largest stiffness: openings with less are the others
 _STEP = 0.02  # over the root of the plan's area, by which moments are compared across a line
 _MOST = 3.0  # beside edges, and where cracks are long, more opens than in an endless plate
 
@@ -65,13 +62,15 @@ def _opened(fields: Fields, crack: Candidates) -> Vector:
     The faces of a crack in a single plate also slide past each other: they are free of shear as well. A jump of the
     deflection whose slope along the crack is sqrt(a**2 - s**2) U_j costs what a jump of the slope across does.
     """
+    n_along = 24  # points along a crack
+    n_opening = 4  # functions U_j
     nu, angle, half = fields.stack.material.poisson, float(crack.angle[0]), float(crack.size[0]) / 2.0
-    t, weight = np.polynomial.legendre.leggauss(_N_ALONG)
+    t, weight = np.polynomial.legendre.leggauss(n_along)
     location = crack.location[0, :2] + half * t[:, None] * [np.cos(angle), np.sin(angle)]
     which, share = fields.grid.shares(location)
     weight = weight * share.sum(axis=1)  # of what is within the outline
-    slope = np.sqrt(1.0 - t**2) * special.eval_chebyu(np.arange(_N_OPENING)[:, None], t)  # (j, t)
-    number = 1.0 + np.arange(_N_OPENING)
+    slope = np.sqrt(1.0 - t**2) * special.eval_chebyu(np.arange(n_opening)[:, None], t)  # (j, t)
+    number = 1.0 + np.arange(n_opening)
     closed = (slope * weight / np.sqrt(1.0 - t**2)) @ slope.T
     closed *= (number[:, None] + number) / 2.0 * (3.0 + nu) * (1.0 - nu) / 4.0
     if fields.stack.n_lamina > 1:
@@ -88,8 +87,9 @@ def _opened(fields: Fields, crack: Candidates) -> Vector:
 
 def _eased(closed: Vector, forces: Vector) -> Vector:
     """Return forces (j, r, m) on openings whose stiffness is a matrix (j, j) as rows for a stiffness of 1 each."""
+    alike = 1e-3  # of the largest stiffness: openings with less are the others
     value, turn = la.eigh(closed)  # where little of a crack is within the plan, its functions are alike
-    keep = value > _ALIKE * value[-1]
+    keep = value > alike * value[-1]
     eased = np.tensordot((turn[:, keep] / np.sqrt(value[keep])).T, forces, axes=1)
     return np.asarray(eased.reshape(-1, forces.shape[2]))
 

@@ -19,10 +19,7 @@ from updating.changes.structure import Part
 
 Vector = NDArray[np.float64]
 
-N_ALONG = 121
-"""Points along an edge."""
 _SHARES = np.array([0.08, 0.15, 0.3, 0.6])  # of an edge that gives way
-_N_MIDDLE = 30  # along an edge, of parts that give way
 _RIGID = {"edge_translation": 1e13, "edge_rotation": 1e7}
 
 
@@ -59,6 +56,7 @@ def held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
 
 
 def _held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
+    n_along = 121  # Points along an edge
     stack, plan = fields.stack, fields.system.assembly.plan
     found = []
     for i, support in enumerate(stack.supports):
@@ -66,10 +64,10 @@ def _held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
             continue
         axis, side = {"left": (0, 0), "right": (0, 1), "front": (1, 0), "back": (1, 1)}[support.edge]
         (low, high), fixed = plan.bounds[1 - axis], plan.bounds[axis][side]
-        along = np.linspace(low, high, N_ALONG)
-        weight = np.full(N_ALONG, (high - low) / (N_ALONG - 1))
+        along = np.linspace(low, high, n_along)
+        weight = np.full(n_along, (high - low) / (n_along - 1))
         weight[[0, -1]] /= 2.0
-        location = np.column_stack([np.full(N_ALONG, fixed), along])
+        location = np.column_stack([np.full(n_along, fixed), along])
         location = location if axis == 0 else location[:, ::-1]
         moving, turning = list[Vector](), list[Vector]()
         for motion in held_motions(stack, plan, support):
@@ -78,7 +76,7 @@ def _held_edges(fields: Fields) -> tuple[HeldEdge, ...]:
             held = float(motion.kron.z.diagonal().mean())
             held *= _given(fields, "edge_rotation" if motion.turns else "edge_translation", motion.stiffness)
             (turning if motion.turns else moving).append(np.sqrt(held) * rows)
-        nothing = np.zeros((N_ALONG, 1, fields.n_mode))
+        nothing = np.zeros((n_along, 1, fields.n_mode))
         found.append(
             HeldEdge(
                 number=i,
@@ -107,6 +105,7 @@ def _given(fields: Fields, name: str, stiffness: float) -> float:
 
 def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
     """Return parts of held edges that hold less (sign -1) or more (1): against turning, moving, or both."""
+    n_middle = 30  # along an edge, of parts that give way
     location, size, number, angle = [], [], [], []
     blocks: list[tuple[Vector, sp.csr_array, int, int]] = []
     n = 0
@@ -114,7 +113,7 @@ def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candid
         axis = int(np.ptp(edge.location[:, 0]) < np.ptp(edge.location[:, 1]))
         along = edge.location[:, axis]
         whole = float(np.ptp(along))
-        middle = along[0] + (np.arange(_N_MIDDLE) + 0.5) * whole / _N_MIDDLE
+        middle = along[0] + (np.arange(n_middle) + 0.5) * whole / n_middle
         for share in _SHARES:
             inside = np.abs(along[None, :] - middle[:, None]) <= share * whole / 2.0
             weight = sign * inside * edge.weight

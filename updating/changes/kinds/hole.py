@@ -19,7 +19,6 @@ from updating.changes.structure import Part
 _RADII = np.array([0.02, 0.035, 0.06, 0.1, 0.17])
 """Of holes over the root of the plan's area."""
 _MOST = 2.0  # a hole may be larger than its neighbour in this list is
-_LEAST = 1e-6  # of the largest energy: the rest is none
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
@@ -40,11 +39,12 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
 
 def _opened(fields: Fields, holes: Candidates) -> Vector:
     """Return how the stresses about one hole strain it; see `Kind.opened`."""
+    least = 1e-6  # of the largest energy: the rest is none
     share = _share(fields, holes.location[:, :2], holes.extra)
     rows = fields.around_hole(fields.layers[0])[share.indices] * np.sqrt(share.data)[:, None, None]
     # as few rows that have the same squares
     value, axes = la.eigh(np.tensordot(rows, rows, axes=((0, 1), (0, 1))))
-    keep = value > _LEAST * value[-1]
+    keep = value > least * value[-1]
     return np.asarray(np.sqrt(value[keep])[:, None] * axes[:, keep].T)
 
 
