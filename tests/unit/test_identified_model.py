@@ -20,10 +20,11 @@ from updating.report.answer import before_after_table, frac_sentence
 from updating.report.identified_model import Addition, identified_effects, identified_model, with_models
 from updating.report.modes_part import by_model, complexity_table, pair_tables
 from updating.report.page import render
-from updating.report.part import Picture, Section, Table, of_model
+from updating.report.part import Picture, Section, of_model
 from updating.report.results import IdentifiedModel, Results
 from updating.report.results import Tested as Configuration
 from updating.results.store import read_result, write_result
+from updating.results.table import Table
 
 EFFECT, PARAMETER, VALUE = "lost_contact_middle", "middle_loss", 0.4
 

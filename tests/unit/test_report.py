@@ -12,7 +12,8 @@ from updating import StoreError
 from updating.fitting.plots import point_displacement
 from updating.report import files
 from updating.report.page import render
-from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
+from updating.report.part import Picture, Section, as_csv, fewer_colours
+from updating.results.table import Table
 
 
 def table(*columns, **others):

@@ -14,7 +14,8 @@ from pptx.enum.shapes import MSO_SHAPE_TYPE
 from updating.fitting.plots import ShapePair
 from updating.report import files
 from updating.report.files import shape_gif
-from updating.report.part import Opening, Picture, Section, Table
+from updating.report.part import Opening, Picture, Section
+from updating.results.table import Table
 
 
 @pytest.fixture

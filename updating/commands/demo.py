@@ -5,17 +5,16 @@ from __future__ import annotations
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 
-from rich.table import Table
-
 from ema.types.arrays import single_threaded
 from updating.commands.diagnose import diagnose_campaign
 from updating.commands.fit import LedgerRequest, campaign_ledger, fit_campaign
 from updating.commands.report import make_report
-from updating.commands.terminal import OUT, table_of
+from updating.commands.terminal import OUT
 from updating.correlation.pairing import LEAST_MAC
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import FitError, StoreError
 from updating.results.identified import Failed
+from updating.results.table import Table
 from updating.results.text import percent
 
 _FOLDER = "share/lamella"
@@ -95,4 +94,4 @@ def _mode_by_mode(answer: Diagnosis) -> Table:
         (f"{m.configuration}, {m.mode}", f"{m.frequency:.2f}", f"{100 * m.base:+.2f}", f"{100 * m.explained:+.2f}")
         for m in answer.errors
     ]
-    return table_of("Frequency errors of the model", ("mode", "measured [Hz]", "without [%]", "with [%]"), rows)
+    return Table("Frequency errors of the model", ("mode", "measured [Hz]", "without [%]", "with [%]"), rows)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
 
 from ema import Campaign, Change, change_sentence, read_campaign
 from ema.campaign.campaign_file import repeats_of
@@ -17,7 +16,7 @@ from ema.types.arrays import single_threaded
 from model import Stack, catalogue, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
-from updating.commands.terminal import MOST_EXPLANATIONS, OUT, print_lines, print_results, progress, table_of
+from updating.commands.terminal import MOST_EXPLANATIONS, OUT, print_lines, print_results, progress
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES, instruments_of
@@ -39,6 +38,7 @@ from updating.results.campaign import (
 )
 from updating.results.identified import Identified, assignments, every_identified, forget_choices
 from updating.results.store import kept, write_result
+from updating.results.table import Table
 from updating.results.text import in_percent
 from updating.results.what_changed import WhatChanged
 from updating.workers.workers import workers
@@ -353,7 +353,7 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
         for explanation in diagnosis.shown(MOST_EXPLANATIONS)
     ]
     header = ("effects", "proba-\nbility", "explained\n[%]", "f error\n[%]", "left out\n[%]")
-    return table_of("Explanations", header, rows, words=(0,))
+    return Table("Explanations", header, rows)
 
 
 @single_threaded
@@ -378,4 +378,4 @@ def next_test_command(
 def next_test_table(diagnosis: Diagnosis) -> Table:
     """Return the further tests, the one that separates best first."""
     rows = [(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}") for test in diagnosis.next_tests]
-    return table_of("Further tests", ("test", "smallest distance", "now"), rows, words=(0,))
+    return Table("Further tests", ("test", "smallest distance", "now"), rows)

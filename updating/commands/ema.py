@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
 
 from ema import (
     Campaign,
@@ -41,7 +40,7 @@ from ema.plot.figures import (
 )
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
-from updating.commands.terminal import OUT, print_lines, print_results, table_of
+from updating.commands.terminal import OUT, print_lines, print_results
 from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (
     Assignment,
@@ -55,6 +54,7 @@ from updating.results.identified import (
     require_none,
 )
 from updating.results.store import folder_name, read_frf, write_bytes, write_result
+from updating.results.table import Table
 from updating.workers.workers import in_parallel
 
 
@@ -184,7 +184,7 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
         rows = [[*row, f"{mpc:.3f}"] for row, mpc in zip(rows, complexities.mpc, strict=True)]
     if not measured.read_from:
         rows.append(["all", "", "", "", "", *_explained(explained.mean, explained.whole, explained.channel)])
-    return table_of(title, columns, rows)
+    return Table(title, columns, rows)
 
 
 def _explained(mean: float, share: NDArray[np.float64], channel: tuple[str, ...]) -> tuple[str, str]:
@@ -216,7 +216,7 @@ def comparison_tables(comparison: Comparison, width: int) -> Iterator[Table]:
             for name, *row in zip(comparison.name, frequency, damping, strict=True)
         ]
         header = ("", *(f"{frequency_text(f, 0)} Hz" for f in np.nanmean(frequency, axis=0)))
-        yield table_of(None if first else title, header, rows, words=(0,), min_width=names, whole=True)
+        yield Table("" if first else title, header, rows, narrowest=names, whole=True)
 
 
 def print_amplitude(result: Identified) -> None:
@@ -233,10 +233,10 @@ def amplitude_table(dependence: AmplitudeDependence) -> Table:
     """List every mode that two levels have over the force: motion, frequency and damping."""
     shown = np.flatnonzero(np.isfinite(dependence.softening))
     columns = [values[:, shown] for values in (dependence.motion, dependence.frequency, dependence.damping)]
-    return table_of(
+    return Table(
         f"{dependence.name} over amplitude: motion at {dependence.point} [µm], frequency [Hz], damping [%]",
         ("force [N]", *(f"{frequency_text(f, 0)} Hz" for f in np.nanmean(columns[1], axis=0))),
-        (
+        [
             [
                 f"{force:g}",
                 *(
@@ -245,7 +245,7 @@ def amplitude_table(dependence: AmplitudeDependence) -> Table:
                 ),
             ]
             for force, *row in zip(dependence.force, *columns, strict=True)
-        ),
+        ],
     )
 
 
@@ -276,7 +276,7 @@ def change_table(change: Change) -> Table:
         for r, (f, f_std, d, d_std, mac) in enumerate(zip(*columns, strict=True))
     ]  # fmt: skip
     header = ("mode", "f [Hz]", "shift [%]", "std [%]", "damping shift [%]", "std [%]", "MAC", "changed")
-    return table_of(f"{change.name} against {', '.join(change.reference)}", header, rows, words=(7,))
+    return Table(f"{change.name} against {', '.join(change.reference)}", header, rows)
 
 
 @single_threaded

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from ema import ModalModel, read_campaign
 from ema.types.arrays import single_threaded
@@ -22,7 +21,7 @@ from model import Effect, Modes, Stack, catalogue, find_effects, printed_effects
 from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs
 from updating import commands
-from updating.commands.terminal import OUT, print_lines, progress, table_of
+from updating.commands.terminal import OUT, print_lines, progress
 from updating.correlation.correlation import correlate
 from updating.fitting.fit import Fit, ModelFit, model_file, specimen_name, stack_in_state
 from updating.fitting.fit import fit as fit_configuration
@@ -41,6 +40,7 @@ from updating.results.identified import (
 )
 from updating.results.ledger import Entry, write_ledger
 from updating.results.store import kept
+from updating.results.table import Table
 from updating.results.text import interval_text, parameter_text
 from updating.workers.workers import in_parallel, workers
 
@@ -235,16 +235,16 @@ def fit_table(measured: ModalModel, fit: Fit) -> Table:
         fit.pairing.measured, pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error,
         pairs.measured_damping, pairs.model_damping, pairs.mac,
     )  # fmt: skip
-    return table_of(
+    return Table(
         f"{fit.name}: measured and fitted",
         ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "damping\nmeasured [%]", "damping\nmodel [%]", "MAC"),
-        (
+        [
             (
                 str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{100 * xi_exp:.3g}",
                 f"{100 * xi_num:.3g}", f"{mac:.4f}",
             )
             for mode, f_exp, f_num, error, xi_exp, xi_num, mac in zip(*columns, strict=True)
-        ),
+        ],
         caption,
     )  # fmt: skip
 
@@ -258,10 +258,10 @@ def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = 
         values = [getattr(entry, kind) for kind in kinds[: 1 + damping]]
         return " | ".join("-" if np.isnan(v) else f"{100 * v:.2f}" for v in values)
 
-    return table_of(
+    return Table(
         "Mean relative error [%] of frequencies" + (" | of damping ratios" if damping else ""),
         ("model", "fitted", "mode\nheld out", "config.\nheld out", "parameters"),
-        (
+        [
             (
                 "\n+ ".join(("base", *printed_effects(e.effects, known))),
                 cells(e, "error", "damping_error"),
@@ -270,9 +270,8 @@ def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = 
                 "\n".join([*(interval_text(p) for p in e.shared), *e.strained]),
             )
             for e in entries
-        ),
+        ],
         "Held out: each mode predicted by a fit to all other modes; each configuration by a fit to the others."
         + (" -: there is no other." if unknown else ""),
-        words=(0, 4),
         whole=True,
     )

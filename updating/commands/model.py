@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 import numpy as np
-from rich.table import Table
+from rich.table import Table as Printed
 
 from ema import ModalModel
 from ema.plot.figures import as_png
@@ -38,11 +38,12 @@ from model.reduction.through_thickness import n_rigid
 from model.stack.effect import Family
 from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
-from updating.commands.terminal import OUT, bar, print_lines, table_of
+from updating.commands.terminal import OUT, bar, print_lines
 from updating.correlation.correlation import correlate
 from updating.correlation.criteria import class_grid, shape_classes
 from updating.results.identified import Assignment, Identified, identified
 from updating.results.store import kept, write_bytes, write_result
+from updating.results.table import Table
 from updating.results.text import Z95, quantity
 
 if TYPE_CHECKING:
@@ -77,12 +78,12 @@ def effects_command(name: str | None, stack: Path | None, output: Path | None, e
     return not faults
 
 
-def effect_tables(known: dict[str, Effect]) -> tuple[Table, ...]:
+def effect_tables(known: dict[str, Effect]) -> tuple[Printed, ...]:
     """List effects, one table a family, with their parameters."""
     tables = []
     for family in get_args(Family):
         members = [effect for effect in known.values() if effect.family == family]
-        table = Table(title=family, title_justify="left", width=_WIDTH)
+        table = Printed(title=family, title_justify="left", width=_WIDTH)
         table.add_column("effect", width=28)
         table.add_column("what it is", ratio=1)
         table.add_column("parameter, range and unit", ratio=1)
@@ -105,9 +106,9 @@ def effect_text(effect: Effect) -> str:
     return f"{effect.printed}, {effect.family}\n\n" + "\n".join(filled) + "\n"
 
 
-def parameter_table(effect: Effect) -> Table:
+def parameter_table(effect: Effect) -> Printed:
     """List the parameters of an effect with unit, range and source."""
-    table = Table(title="Parameters", title_justify="left", width=_WIDTH)
+    table = Printed(title="Parameters", title_justify="left", width=_WIDTH)
     for name in ("parameter", "range and unit", "nominal", "neutral"):
         table.add_column(name, no_wrap=True)
     table.add_column("source", ratio=1)
@@ -127,12 +128,11 @@ def signature_table(signature: Signature) -> Table:
     for pressure, frequency, damping in zip(signature.pressure, *changes, strict=True):
         rows.append([f"{pressure / 1e3:g} kPa", "frequency [%]", *(f"{x:+.2f}" for x in frequency)])
         rows.append(["", "damping ratio [% points]", *(f"{x:+.3f}" for x in damping)])
-    return table_of(
+    return Table(
         f"What it does at {values}",
         ("pressure", "change of", *(f"{name}\n{f[0]:.0f} to {f[-1]:.0f} Hz" for name, f in modes)),
         rows,
-        f"The shape of {', '.join(turned)} changes: MAC in mass below {same_shape**2:.2g}." if turned else None,
-        words=(1,),
+        f"The shape of {', '.join(turned)} changes: MAC in mass below {same_shape**2:.2g}." if turned else "",
     )
 
 
@@ -222,10 +222,10 @@ def solve_matrices(file: Path, output: Path, n_mode: int) -> Table:
         write_result(output / "modes.json", modes, inputs=matrices_inputs(file), options={"n_mode": n_mode})
         progress.advance(task)
     print_lines(OUT, structure.notes, soft_wrap=True)
-    return table_of(
+    return Table(
         f"{structure.name}: {inside.size} elastic modes up to {structure.band_Hz:g} Hz",
         ("mode", "f [Hz]"),
-        ((str(r), f"{f:.4f}") for r, f in enumerate(inside, start=1)),
+        [(str(r), f"{f:.4f}") for r, f in enumerate(inside, start=1)],
         f"{frequency.size - elastic.size} modes of a rigid body. {structure.node.size} degrees of freedom were "
         f"reduced to {reduced.size}; that leaves at most {100 * reduced.left.frequency['nominal']:.2g} % of a "
         f"frequency, and {100 * max(reduced.left.frequency.values()):.2g} % one prior deviation of a term away.",
@@ -251,12 +251,12 @@ def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
         fit.pairing.measured, pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, fit.initial_mac,
         pairs.mac,
     )  # fmt: skip
-    rows = (
+    rows = [
         (str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{before:.4f}", f"{mac:.4f}")
         for mode, f_exp, f_num, error, before, mac in zip(*columns, strict=True)
-    )
+    ]
     header = ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "MAC\nbefore", "MAC")
-    return table_of(f"{fit.name}: measured and fitted", header, rows, caption)
+    return Table(f"{fit.name}: measured and fitted", header, rows, caption)
 
 
 @single_threaded
@@ -323,15 +323,14 @@ def model_table(stack: Stack, modes: Modes, names: tuple[str, ...], verification
         origin = f"The tolerance of {100 * verification.tolerance:.2g} % is not met. {origin}"
     laminas = "the lamina" if stack.n_lamina == 1 else f"all {stack.n_lamina} laminas"
     columns = (modes.frequency, verification.error, modes.damping, names)
-    return table_of(
+    return Table(
         f"{stack.name}: {modes.frequency.size} elastic modes",
         ("mode", "f [Hz]", "error of f [%]", "damping [%]", "shape"),
-        (
+        [
             (str(r), f"{f:.2f}", f"{100 * max(error, 0.0):.5f}", f"{100 * xi:.3g}", name)
             for r, (f, error, xi, name) in enumerate(zip(*columns, strict=True), start=1)
-        ),
+        ],
         f"Errors of f are estimated from the residual of the equations of {laminas}. {origin}",
-        words=(4,),
     )
 
 
@@ -344,13 +343,12 @@ def pressure_table(pressure: PressureSummary) -> Table:
         for name, k in {"bottom": 0, "middle": n // 2, "top": n - 1}.items()
     ]
     values.append(("all", mean.mean(), lowest.min(), highest.max(), pressure.lost_contact.mean()))
-    return table_of(
+    return Table(
         "Pressure between the laminas",
         ("interface", "mean [kPa]", "lowest [kPa]", "highest [kPa]", "lost contact [%]"),
-        ((name, *(f"{x:.4g}" for x in kilo), f"{100 * lost:.3g}") for name, *kilo, lost in values),
+        [(name, *(f"{x:.4g}" for x in kilo), f"{100 * lost:.3g}") for name, *kilo, lost in values],
         f"Clamping force {pressure.force:.4g} N, mean pressure {pressure.mean / 1e3:.4g} kPa; "
         f"equilibrium to {pressure.residual:.1g}.",
-        words=(0,),
     )
 
 

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from model import catalogue, find_effects
-from updating.commands.terminal import MOST_EXPLANATIONS, print_lines, print_results, progress, table_of
+from updating.commands.terminal import MOST_EXPLANATIONS, print_lines, print_results, progress
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.evidence import read_scatter
@@ -18,6 +17,7 @@ from updating.pooled.diagnosis import diagnose_specimens
 from updating.results.identified import assignments, every_identified
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanation_text, specimen_row
 from updating.results.store import kept
+from updating.results.table import Table
 from updating.results.text import in_percent
 from updating.workers.workers import workers
 
@@ -77,8 +77,7 @@ def print_pooled(diagnosis: PooledDiagnosis, output: Path, console: Console) -> 
     """Print the answer, the explanations and the specimens."""
     print_lines(console, diagnosis.sentences, indent="")
     console.print(pooled_table(diagnosis))
-    rows = map(specimen_row, diagnosis.specimens)
-    console.print(table_of("Specimens", SPECIMEN_HEADER, rows, words=range(len(SPECIMEN_HEADER))))
+    console.print(Table("Specimens", SPECIMEN_HEADER, [specimen_row(specimen) for specimen in diagnosis.specimens]))
     print_results(console, output)
 
 
@@ -101,4 +100,4 @@ def pooled_table(diagnosis: PooledDiagnosis) -> Table:
         "specimen\nleft out\n[%]",
         "torque\nleft out\n[%]",
     )
-    return table_of("Explanations", header, rows, words=(0,))
+    return Table("Explanations", header, rows)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import sys
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.measure import Measurement
 from rich.status import Status
-from rich.table import Table
+from rich.table import Table as Printed
 from rich.text import Text
 
 if TYPE_CHECKING:
@@ -34,13 +34,13 @@ class LiteralConsole(Console):
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print as any console does, but into a file or pipe no table narrower than its words: cells would be empty."""
-        page = self.width
+        page, objects = self.width, tuple(one.__rich__() if hasattr(one, "__rich__") else one for one in objects)
         if not self.is_terminal:
-            self.width = max([page, *(self._needed(table) for table in objects if isinstance(table, Table))])
+            self.width = max([page, *(self._needed(table) for table in objects if isinstance(table, Printed))])
         super().print(*objects, **options)
         self.width = page
 
-    def _needed(self, table: Table) -> int:
+    def _needed(self, table: Printed) -> int:
         """Return the width of a table in which no word of it is cut."""
         widest = 10_000  # characters of a table in a file
         wide, width = self.options.update(width=widest), 1
@@ -53,44 +53,6 @@ class LiteralConsole(Console):
     def render_str(self, text: str, **options: Any) -> Text:
         """Return a string as what is printed of it, in tables too."""
         return super().render_str(literal(text), **options)
-
-
-def table_of(
-    title: str | None,
-    header: Sequence[str],
-    rows: Iterable[Sequence[str]],
-    note: str | None = None,
-    *,
-    words: Collection[int] = (),
-    min_width: int | None = None,
-    whole: bool = False,
-) -> Table:
-    """Return a table of cells with a title above it and a note below.
-
-    Parameters
-    ----------
-    title, note : str or None
-        Above and below it.
-    header : sequence of str
-        Names of the columns.
-    rows : iterable of sequence of str
-        Cells of each row.
-    words : collection of int
-        Columns of words, which are aligned on the left; those of numbers on the right.
-    min_width : int, optional
-        Of the columns of words, characters.
-    whole : bool, default False
-        Whether numbers are never broken into lines.
-    """
-    made = Table(title=title, title_justify="left", caption=note, caption_justify="left")
-    for k, name in enumerate(header):
-        if k in words:
-            made.add_column(name, overflow="fold", min_width=min_width)
-        else:
-            made.add_column(name, justify="right", no_wrap=whole)
-    for row in rows:
-        made.add_row(*row)
-    return made
 
 
 def literal(text: str) -> str:

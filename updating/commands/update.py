@@ -12,7 +12,6 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, model_validator
 from rich.console import Console
-from rich.table import Table
 
 import model
 from ema import read_campaign
@@ -22,7 +21,7 @@ from ema.types.arrays import single_threaded
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import by_level, changed_names
 from updating.commands.fit import ledger_table
-from updating.commands.terminal import OUT, print_lines, progress, table_of
+from updating.commands.terminal import OUT, print_lines, progress
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.evidence import DiagnosisScatter
@@ -38,6 +37,7 @@ from updating.results.campaign import measurement_findings, over_amplitude
 from updating.results.identified import assignments, every_identified, forget_choices
 from updating.results.ledger import write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
+from updating.results.table import Table
 from updating.workers.workers import workers
 
 
@@ -229,7 +229,7 @@ def parameter_table(fit: JointFit) -> Table:
         )
         for p in fit.parameter
     ]  # fmt: skip
-    return table_of("Fitted together", ("parameter", "of", "value", "std", "95 %", ""), rows, errors, words=(0, 1, 5))
+    return Table("Fitted together", ("parameter", "of", "value", "std", "95 %", ""), rows, errors)
 
 
 def _tested(

@@ -14,8 +14,9 @@ from updating.diagnosis.text import UNLISTED, further_effects, next_command
 from updating.inference.levels import SEPARATE
 from updating.report.change_part import mode_changes, mode_picture, step_picture, steps
 from updating.report.ledger_part import APART
-from updating.report.part import Opening, Picture, Section, Table
+from updating.report.part import Opening, Picture, Section
 from updating.report.results import Results, Tested
+from updating.results.table import Table
 from updating.results.text import Z95, estimate_text, in_percent, percent, quantity, together
 
 _TONE: dict[Verdict, str] = {

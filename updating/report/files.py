@@ -44,9 +44,10 @@ from updating.report.modes_part import (
     pairs_picture,
     shape_section,
 )
-from updating.report.part import N_COLOUR, Picture, Table
+from updating.report.part import N_COLOUR, Picture
 from updating.report.results import Results, Tested
 from updating.results.store import folder_name, write_bytes
+from updating.results.table import Table
 from updating.results.text import interval_text, parameter_text, percent
 
 if TYPE_CHECKING:
@@ -277,9 +278,6 @@ def _table(slide: Any, table: Table, rows: Sequence[Sequence[str]]) -> None:
 _STEPS = 16  # pictures of one period
 
 
-_DPI = 140
-
-
 def write_gifs(results: Results) -> tuple[Path, ...]:
     """Write one period of every mode shape, measured, modelled and both, to `figures` and return the files.
 
@@ -299,6 +297,7 @@ def write_gifs(results: Results) -> tuple[Path, ...]:
 
 def shape_gif(pair: ShapePair) -> bytes:
     """Draw one period of a shape as a GIF that goes round for ever."""
+    dpi = 140
     pause = 60  # ms between them
     from PIL import Image
 
@@ -308,7 +307,7 @@ def shape_gif(pair: ShapePair) -> bytes:
             pair, measured=(pair.measured * np.exp(1j * phase)).real.astype(complex), model=pair.model * np.cos(phase)
         )
         drawn = io.BytesIO()
-        shape_pair_figure(moved).savefig(drawn, format="png", dpi=_DPI)
+        shape_pair_figure(moved).savefig(drawn, format="png", dpi=dpi)
         pictures.append(Image.open(drawn).convert("RGB").quantize(N_COLOUR, dither=Image.Dither.NONE))
     out = io.BytesIO()
     pictures[0].save(out, format="gif", save_all=True, append_images=pictures[1:], duration=pause, loop=0, disposal=1)

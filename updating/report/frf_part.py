@@ -20,8 +20,9 @@ from updating.correlation.plots import chosen_functions, overlay_figure, synthes
 from updating.fitting.fit import Fit
 from updating.report.chart import Chart, axis, legend_above, single
 from updating.report.identified_model import fracs, modelled
-from updating.report.part import Picture, Section, Table, as_csv, png
+from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
+from updating.results.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

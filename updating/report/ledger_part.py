@@ -14,9 +14,10 @@ from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError, Moved
 from updating.fitting.fit import Estimate, ParameterEstimate
 from updating.report.chart import Chart, axis, charted
-from updating.report.part import Picture, Section, Table, as_csv
+from updating.report.part import Picture, Section, as_csv
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
+from updating.results.table import Table
 from updating.results.text import Z95, ends, in_percent, interval_text, percent, uncertain
 
 _ERRORS = {

@@ -14,8 +14,9 @@ from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit, reduced_about
 from updating.report.chart import Chart, single
-from updating.report.part import Picture, Section, Table, as_csv, fewer_colours
+from updating.report.part import Picture, Section, as_csv, fewer_colours
 from updating.report.results import Tested
+from updating.results.table import Table
 
 _KIND_OF_FAMILY: dict[Family, str] = {
     "pressure field": "tangential contact",

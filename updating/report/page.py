@@ -18,11 +18,12 @@ from updating.report.identified_model import with_models
 from updating.report.ledger_part import ledger_section, parameter_section, signature_section
 from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section, shape_section
-from updating.report.part import Section, Table, in_css, packed, renderer, unbroken
+from updating.report.part import Section, in_css, packed, renderer, unbroken
 from updating.report.pooled_part import pooled_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.state_part import beside_section, state_section
 from updating.results.store import folder_name, write_bytes
+from updating.results.table import Table
 
 
 def provenance_section(results: Results) -> Section:

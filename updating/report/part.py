@@ -14,73 +14,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
+from updating.results.table import Shown, Table
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL import Image
 
 
-Shown = Literal["", "base", "found", "both"]
-"""Which of two models a block is of, between which the page switches; empty where it is of none of them."""
-
-_DPI = 125
-
-_NUMBER = re.compile(r"\(?[-+]?\d[^A-DF-Za-df-z]*$")
-
-
 N_COLOUR = 32  # of an embedded picture: line drawings need no more, and it is a fifth of the size
-
-
-@dataclass(frozen=True, kw_only=True)
-class Table:
-    """A table of text cells with a title and a note below.
-
-    Attributes
-    ----------
-    title : str
-        Heading; may be empty.
-    header : tuple of str
-        Names of the columns, with units.
-    rows : tuple of tuple of str
-        The cells; the page sorts them by the number that a cell starts with.
-    note : str
-        What stands below; may be empty.
-    link : tuple of str
-        For each row the address that its first cell leads to, "#anchor" within the page; may be empty.
-    folded : bool
-        Whether the page shows the title only until it is clicked.
-    chooses : bool
-        Whether first cells are numbers of points, of which a click shows the function where the link leads.
-    hint : tuple of str
-        For each row a sentence that the page shows under the cursor; may be empty.
-    model : {"", "base", "found"}
-        Whether it is of the base model or of the one with what was identified.
-    """
-
-    title: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-    link: tuple[str, ...] = ()
-    folded: bool = False
-    chooses: bool = False
-    hint: tuple[str, ...] = ()
-    model: Shown = ""
-    kind: Literal["table"] = "table"
-
-    @property
-    def column_class(self) -> tuple[str, ...]:
-        """How the page sets each column: numbers to the right, words ("text") to the left, sentences ("long") wide."""
-        columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.header)
-        return tuple(_column_class(column) for column in columns)
-
-    def without_empty_columns(self) -> Table:
-        """Return the table less the columns in which no row has anything."""
-        kept = [k for k in range(len(self.header)) if any(row[k] for row in self.rows)]
-        return replace(
-            self,
-            header=tuple(self.header[k] for k in kept),
-            rows=tuple(tuple(row[k] for k in kept) for row in self.rows),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,12 +197,6 @@ def of_model(blocks: Iterable[ByModel], model: Literal["base", "found"]) -> list
     return out
 
 
-def _column_class(cells: Iterable[str]) -> str:
-    long = 30  # characters of a cell
-    texts = [cell for cell in cells if cell and not _NUMBER.match(cell)]
-    return "" if not texts else "long" if max(map(len, texts)) > long else "text"
-
-
 def anchor(title: str) -> str:
     """Return a heading as the name of a link within the page."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
@@ -297,7 +232,8 @@ def png(figure: Figure, n_colour: int = N_COLOUR) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    figure.set_dpi(_DPI)
+    dpi = 125
+    figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     return _paletted(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB"), n_colour)

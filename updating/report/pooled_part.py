@@ -9,8 +9,9 @@ import numpy as np
 
 from ema.plot import palette
 from updating.report.chart import Chart, axis, charted
-from updating.report.part import Picture, Section, Table, as_csv
+from updating.report.part import Picture, Section, as_csv
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, SpecimenAnswer, contact_cells, specimen_row
+from updating.results.table import Table
 from updating.results.text import in_percent, interval_text
 
 Contact = Literal["G_f", "d_f"]

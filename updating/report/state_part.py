@@ -19,8 +19,9 @@ from updating.fitting.plots import ShapePair, beside_shape
 from updating.report.chart import Chart, axis, charted, printed, single
 from updating.report.frf_part import CHANGED, REFERENCE, frf_chart
 from updating.report.modes_part import gallery_of, mac_picture
-from updating.report.part import Gallery, Picture, Section, Table, as_csv, png, svg
+from updating.report.part import Gallery, Picture, Section, as_csv, png, svg
 from updating.report.results import Tested
+from updating.results.table import Table
 from updating.results.text import uncertain
 
 if TYPE_CHECKING:
