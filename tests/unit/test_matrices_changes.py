@@ -66,10 +66,10 @@ def test_what_is_held_otherwise_each_time_moves_frequencies_by_no_more_than_asse
     moved = {}
     for stated in (1e-6, 1.0):
         at = Situation(reference, [("same", np.nan, measured({}, seed=5))], stated)
-        weight = np.concatenate([own.weight.ravel() for own in at.joint.errors])
+        weight = np.concatenate([one.weight.ravel() for one in at.joint.errors])
         mode = np.repeat(np.arange(weight.size // at.ours.weight.shape[1]), at.ours.weight.shape[1])
-        own = np.where(mode[:, None] == mode, at.nuisance, 0.0)
-        moved[stated] = stated**2 * float(weight @ own @ weight) / (mode.max() + 1)  # mean square of eigenvalues
+        one = np.where(mode[:, None] == mode, at.nuisance, 0.0)
+        moved[stated] = stated**2 * float(weight @ one @ weight) / (mode.max() + 1)  # mean square of eigenvalues
     assert moved[1e-6] == pytest.approx(2e-12, rel=0.1)
     assert 1e-6 < moved[1.0] < 1e-2  # as known of springs and temperature
 
