@@ -25,9 +25,9 @@ from ema.identification.evidence import (
     Left,
     Peak,
     holds_pole,
+    is_one_line,
     is_sound,
     is_split,
-    is_unresolved,
     judge,
     left_at_poles,
     powers,
@@ -389,8 +389,7 @@ def _without_common(frf: FRF, given: BandFit) -> BandFit:
     """
     data = _functions(replace(frf, value=given.value))
     result = _weighed(data, given)
-    spacing = 2.0 * np.pi * float(data.frequency[1] - data.frequency[0])
-    while (common := _is_common_anyhow(data, result.fit) | is_unresolved(result.fit.pole, spacing)).any():
+    while (common := _is_common_anyhow(data, result.fit) | is_one_line(result.fit.pole, data.frequency)).any():
         kept = np.flatnonzero(~common)
         pairs = (2 * kept[:, None] + np.arange(2)).reshape(-1)
         covariance = result.fit.pole_covariance[np.ix_(pairs, pairs)]

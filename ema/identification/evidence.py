@@ -523,7 +523,8 @@ def objections(
     if not inside(extended.pole, band)[-1]:
         yield Refusal("its bandwidth reaches beyond the band")
     std = float(np.sqrt(extended.pole_covariance[-1, -1]))
-    if -new.real > MAX_DAMPING * abs(new) or std > -new.real or is_unresolved(new, spacing):
+    seen = peak.visible and left < LEAST_SHARE
+    if -new.real > MAX_DAMPING * abs(new) or (std > -new.real and not seen) or is_one_line(new, data.frequency):
         yield Refusal("its damping is not determined")
     if np.any(apart[:-1] < apart[-1]):
         yield Refusal("one resonance that is not that of a linear mode: a second pole takes its misfit")
@@ -535,14 +536,16 @@ def objections(
         yield Refusal(EXPLAINS_LESS)
 
 
-def is_unresolved(
-    pole: complex | NDArray[np.complex128], spacing: float, *, narrowest: float = 0.02
+def is_one_line(
+    pole: complex | NDArray[np.complex128], frequency: NDArray[np.float64], *, narrowest: float = 0.02
 ) -> NDArray[np.bool_]:
-    """Tell which poles are so narrow beside the spacing of the lines that these say nothing of their damping.
+    """Tell which poles are so near one line (Hz) that it holds all their power: a line out of place is fitted so.
 
-    `narrowest`: half bandwidth of one that is not, lines. One line out of place is fitted so, beside a mode or alone.
+    A resonance as narrow that lies between two lines has flanks in both, and in those beside them. `narrowest`:
+    distance of one that is not, lines.
     """
-    return np.asarray(-np.asarray(pole).real < narrowest * spacing)
+    place = (np.asarray(pole) / 2j / np.pi - frequency[0]) / (frequency[1] - frequency[0])
+    return np.asarray(np.abs(place - np.round(place.real)) < narrowest)
 
 
 def _of_phases(residue: NDArray[np.complex128], pole: complex, collinearity: float) -> str:

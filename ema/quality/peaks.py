@@ -290,32 +290,35 @@ def peaks_of_any_width(
     peaks = peaks_over_noise(power, prominence)
     width = averaged
     while power.size >= fewest_blocks * width:
-        block = power[: power.size // width * width].reshape(-1, width).mean(axis=1)
-        for line, first, last in peaks_over_noise(block, prominence):
-            start, stop = width * first, width * (last + 1)
-            if not any(known_first < stop and start <= known_last for _, known_first, known_last in peaks):
-                peaks.append((width * line + width // 2, start, stop - 1))
+        for line, first, last in peaks_over_noise(power, prominence, averaged=width):
+            if not any(known_first <= last and first <= known_last for _, known_first, known_last in peaks):
+                peaks.append((line, first, last))
         width *= averaged
     return peaks
 
 
 def peaks_over_noise(
-    power: NDArray[np.float64], prominence: float, *, over_noise: float = 8.0
+    power: NDArray[np.float64], prominence: float, *, over_noise: float = 8.0, averaged: int = 1
 ) -> list[tuple[int, int, int]]:
     """Line, and first and last line around it, of peaks that stand out of the noise, the highest first.
 
-    Peaks are at least `prominence` dB high and `over_noise` standard deviations of the noise from line to line.
+    Peaks are at least `prominence` dB high and `over_noise` standard deviations of the noise. That of power averaged
+    over `averaged` lines is the scatter from line to line over the root of their number: from one such mean to the
+    next a resonance may rise and fall.
     """
-    level = 10.0 * np.log10(np.maximum(power, 1e-12 * power.max()))
+    block = power[: power.size // averaged * averaged].reshape(-1, averaged).mean(axis=1)
+    of_lines, level = (10.0 * np.log10(np.maximum(p, 1e-12 * p.max())) for p in (power, block))
     lines, heights = find_peaks(level, prominence)
-    return [
-        (int(lines[k]), *_around(level, int(lines[k]), min(0.8 * heights[k], 3.0)))
-        for k in np.argsort(-heights)
-        if heights[k] > over_noise * _scatter(level, int(lines[k]))
-    ]
+    peaks = []
+    for k in np.argsort(-heights):
+        middle = averaged * int(lines[k]) + averaged // 2
+        if heights[k] > over_noise * _scatter(of_lines, middle, reach=50 * averaged) / np.sqrt(averaged):
+            first, last = _around(level, int(lines[k]), min(0.8 * heights[k], 3.0))
+            peaks.append((middle, averaged * first, averaged * (last + 1) - 1))
+    return peaks
 
 
-def _scatter(level: NDArray[np.float64], line: int, *, reach: int = 50) -> float:
+def _scatter(level: NDArray[np.float64], line: int, *, reach: int) -> float:
     """Return the scatter of a level around a line, from its second differences, which no smooth course enlarges.
 
     Their variance is 6 times that of a line; the median of absolute normal numbers is 0.6745 standard deviations.

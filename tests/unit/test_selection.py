@@ -79,6 +79,26 @@ def test_averaged_lines_add_few_peaks_that_are_noise():
     assert more <= 0.05 * 40
 
 
+def test_resonances_around_a_wide_peak_are_no_noise_of_averaged_lines():
+    # five lines of 8 dB: their means beside those of other resonances were taken for noise
+    place, lines = np.arange(100, 800, 30), np.arange(800.0)
+    seen = 0
+    for seed in range(10):
+        noise = np.random.default_rng(seed).gamma(16.0, 1 / 16.0, lines.size)
+        peaks = 1.0 + (5.0 / (1.0 + ((lines[:, None] - place) / 2.5) ** 2)).sum(axis=1)
+        seen += sum(min(abs(place - line)) < 4 for line, _, _ in peaks_of_any_width(peaks * noise, 1.0))
+    assert seen > 0.9 * 10 * place.size
+
+
+@pytest.mark.parametrize(("beside", "modes"), [(0.45, 3), (0.005, 2)])
+def test_a_resonance_between_lines_is_a_mode_whose_damping_is_not_told_and_one_line_is_none(beside, modes):
+    # it was refused for its damping, which lines so coarse beside it do not tell
+    narrow = LINES[500] + beside * (LINES[1] - LINES[0])
+    frf = functions([100.0, 430.0, narrow], [0.01, 0.01, 1e-7], np.array([[1, 1.2, 0.03]]), 3e-3)
+    model = identified(frf, band=(20, 500))
+    np.testing.assert_allclose(model.frequency, sorted([100.0, narrow, 430.0] if modes == 3 else [100, 430]), rtol=1e-3)
+
+
 @pytest.mark.parametrize("band", [(20, 500), (340, 460), (150, 480)])
 def test_neighbours_in_one_function_are_two_modes_in_every_band(band):
     # all shapes of one point are alike: the second of two clear peaks was taken for a misfit of the first
