@@ -8,24 +8,33 @@ Results that show themselves in a notebook as a table and as a figure: a type is
 so a folder that draws registers how, and is imported when a result is first shown.
 
 Data types whose arrays are read-only and of checked shapes.
+
+Plain files, and files in TOML that have a form.
 """
 
 from __future__ import annotations
 
 import ast
+import difflib
+import errno
+import io
+import json
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import singledispatch
 from html import escape
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import DTypeLike, NDArray
+    from pydantic import BaseModel
 
 T = TypeVar("T")
+Form = TypeVar("Form", bound="BaseModel")
 
 
 def exports(package: str, file: str) -> tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]:
@@ -230,3 +239,123 @@ def _length(owner: object, word: str, lengths: dict[str, int | None]) -> int | N
             return None
         value = getattr(value, part)
     return len(value)
+
+
+def plain_bytes(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, or is a pipe or a device, which would keep the reader waiting or never end.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "is a pipe or a device; give a plain file", str(path))
+    return path.read_bytes()
+
+
+def plain_text(path: Path) -> str:
+    """Return the text of a file, without the mark of its byte order that some editors set; raises as `plain_bytes`."""
+    return io.StringIO(plain_bytes(path).decode("utf-8-sig"), newline=None).getvalue()
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return what a TOML file holds; raises `OSError`, or `ValueError` or `RecursionError` where it is not TOML."""
+    return tomllib.loads(plain_text(path))
+
+
+def toml_of(path: Path, error: type[Exception]) -> dict[str, Any]:
+    """Return what a TOML file holds; `error` says why it cannot be read."""
+    try:
+        return read_toml(path)
+    except OSError as cause:
+        files = sorted(path.glob("*.toml"))  # none where it is no folder
+        fault = f"is a folder; give a file, such as {files[0]}" if files else cause.strerror
+        message = f"{path}: cannot be read: {fault}"
+        raise error(message) from cause
+    except (ValueError, RecursionError) as cause:  # brackets by the thousand
+        message = f"{path}: not a TOML file: {cause}"
+        raise error(message) from cause
+
+
+def form_of(path: Path, given: dict[str, Any], form: type[Form], error: type[Exception]) -> Form:
+    """Return the form that a file holds, strictly: true is not 1 and no text is a number.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    given : dict
+        What is in it.
+    form : type of pydantic.BaseModel
+        The form of the whole file.
+    error : type of Exception
+        What is raised where a key is unknown, missing or impossible; its message names the file and every such key.
+    """
+    from pydantic import ValidationError
+
+    if unfilled := list(_unfilled(given)):
+        raise error("\n".join(f'{path}: {key}: is to be filled in, "?" stands there' for key in unfilled))
+    try:
+        return form.model_validate_json(json.dumps(given, default=str), strict=True)
+    except ValidationError as cause:
+        faults: list[dict[str, Any]] = [dict(fault) for fault in cause.errors()]
+        locations = [fault["loc"] for fault in faults]
+        # pydantic also reports a list as too short when its entries have faults; the entries say it all
+        deepest = [f for f in faults if all(p == f["loc"] or p[: len(f["loc"])] != f["loc"] for p in locations)]
+        raise error("\n".join(f"{path}: {_explained(fault, form)}" for fault in deepest)) from cause
+
+
+def read_form(path: Path, form: type[Form], error: type[Exception]) -> Form:
+    """Read a TOML file and check its form; `error` says what is wrong with it."""
+    return form_of(path, toml_of(path, error), form, error)
+
+
+def _unfilled(given: Any, key: str = "") -> Iterator[str]:
+    """Give the keys whose value is "?", which `lamella new` writes for what nobody can guess."""
+    if given == "?":
+        yield key
+    elif isinstance(given, dict):
+        for name, value in given.items():
+            yield from _unfilled(value, f"{key}.{name}".lstrip("."))
+    elif isinstance(given, list):
+        for number, value in enumerate(given, start=1):
+            yield from _unfilled(value, f"{key}[{number}]")
+
+
+def _explained(fault: dict[str, Any], form: type[BaseModel]) -> str:
+    """Return one fault, of `ValidationError.errors`: the key, what is wrong, and what is allowed."""
+    location = fault["loc"]
+    key = "".join(f"[{p + 1}]" if isinstance(p, int) else f".{p}" for p in location).lstrip(".")
+    if fault["type"] == "extra_forbidden":
+        allowed = _keys_at(form, location[:-1])
+        return f"{key}: unknown key; {did_you_mean(str(location[-1]), allowed)}"
+    if fault["type"] == "missing":
+        return f"{key}: this key is missing"
+    text = str(fault["msg"]).removeprefix("Value error, ")
+    return f"{key}: {text}, found {fault['input']!r}" if fault["type"] != "value_error" else f"{key}: {text}"
+
+
+def _keys_at(form: type[BaseModel], location: tuple[str | int, ...]) -> list[str]:
+    """Return the keys that a table in a file can have."""
+    for part in location:
+        field = form.model_fields.get(str(part))
+        if field is not None:  # else the number in a list, or a name that the user gives
+            form = next(_forms_in(field.annotation), form)
+    return list(form.model_fields)
+
+
+def _forms_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    from pydantic import BaseModel
+
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _forms_in(part)
+
+
+def did_you_mean(name: str, allowed: list[str]) -> str:
+    """Return the names closest to a misspelt one, and all that are allowed."""
+    close = difflib.get_close_matches(name, allowed, n=2)
+    hint = f"did you mean {' or '.join(map(repr, close))}? " if close else ""
+    return f"{hint}Allowed: {', '.join(allowed)}"

@@ -24,7 +24,6 @@ from ema.campaign.campaign_file import (
     reference_faults,
 )
 from ema.campaign.estimate import Averaging
-from ema.io.files import did_you_mean, read_form
 from ema.io.found_modes import ModesStd
 from ema.io.sdynpy import holds_data_arrays
 from ema.io.table import TableLayout, read_points
@@ -33,6 +32,7 @@ from ema.io.units import Unit, parse_unit
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
 from ema.types.geometry import Dof, Geometry
+from lamella_shared import did_you_mean, read_form
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.identification.shapes import shapes_from_residues
-from ema.io.files import plain_bytes, whole
+from ema.io.files import whole
 from ema.io.found_modes import FoundModes, ModesStd
 from ema.io.uff import write_uff
 from ema.modal.mac import complexity
@@ -26,7 +26,7 @@ from ema.types.errors import IdentificationError, MeasurementError
 from ema.types.frf import FRF, Quantity
 from ema.types.geometry import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel, synthesize
-from lamella_shared import frozen
+from lamella_shared import frozen, plain_bytes
 
 
 def synthesized_frf(modal_model: ModalModel, step: float, quantity: Quantity) -> FRF:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.array_files import ArrayInFile, array, arrays_in, pattern_of
-from ema.io.files import plain_bytes
 from ema.io.measured_function import Channels, MeasuredFunction, require_ascending
 from ema.io.variables import FIRST_CHANNEL, VariableLayout
 from ema.types.errors import MeasurementError
+from lamella_shared import plain_bytes
 
 _PARTS = re.compile(r"(\d+)")
 _ORDER = ("run", "hit", "channel", "time")

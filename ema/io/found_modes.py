@@ -15,10 +15,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.files import plain_bytes
 from ema.io.mode_titles import of_modes, of_shapes
 from ema.types.errors import MeasurementError
-from lamella_shared import readonly
+from lamella_shared import plain_bytes, readonly
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.contents import Code, dof_of_cells, from_polar
-from ema.io.files import plain_bytes
 from ema.io.measured_function import MeasuredFunction, require_ascending
 from ema.io.rows import (
     SEPARATORS,
@@ -31,6 +30,7 @@ from ema.io.rows import (
 from ema.io.units import Unit
 from ema.types.errors import MeasurementError
 from ema.types.geometry import Geometry
+from lamella_shared import plain_bytes
 
 _BEYOND = "beyond the last column"
 _OF_NODE = r"nodes?|points?|punkte?|knoten|to[cč]ka|(?:node|point)[ _]?(?:no|nr|number|id)\.?"

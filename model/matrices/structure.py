@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from model.matrices.labelled import UNITS, Index, check_mass, check_rows, rigid_motion
 from model.matrices.readers import Target
 from model.matrices.rows import Rows, read_rows
-from model.matrices.structure_file import StructureForm, TermForm, read_form
+from model.matrices.structure_file import StructureForm, TermForm, read_structure_form
 from model.matrices.text import refuse
 from model.stack.errors import MatricesError
 
@@ -141,7 +141,7 @@ def read_matrices(path: str | Path) -> MatrixStructure:
         be right.
     """
     path = Path(path)
-    given = read_form(path)
+    given = read_structure_form(path)
     try:
         return _structure(given, path.parent)
     except MatricesError as error:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from lamella_shared import read_form, read_toml
 from model.matrices.labelled import UNITS
 from model.matrices.text import refuse
-from model.stack.stack_file import read_toml
+from model.stack.errors import MatricesError
 
 Direction = Literal["x", "y", "z", "rx", "ry", "rz"]
 _Positive = Annotated[float, Field(gt=0, le=1e15)]
@@ -99,7 +99,7 @@ def is_structure_file(path: str | Path) -> bool:
 
 def matrices_inputs(path: Path) -> tuple[Path, ...]:
     """Return a structure file and the files that it names."""
-    given = read_form(path)
+    given = read_structure_form(path)
     stated, terms = given.matrices, given.term
     named = [stated.stiffness, stated.mass, stated.damping, stated.dofs, stated.nodes]
     named += [file for one in terms for file in (one.stiffness, one.mass, one.damping)]
@@ -107,7 +107,7 @@ def matrices_inputs(path: Path) -> tuple[Path, ...]:
     return (path, *(path.parent / file for file in files))
 
 
-def read_form(path: Path) -> StructureForm:
+def read_structure_form(path: Path) -> StructureForm:
     """Return what a structure file holds.
 
     Raises
@@ -115,15 +115,7 @@ def read_form(path: Path) -> StructureForm:
     MatricesError
         It cannot be read, or has an unknown, missing or impossible key; the message names it.
     """
-    try:
-        given = StructureForm.model_validate_json(json.dumps(read_toml(path), default=str), strict=True)
-    except OSError as error:
-        refuse(f"{path}: cannot be read ({error.strerror})")
-    except ValidationError as error:
-        lines = [f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in error.errors()]
-        refuse(f"{path}: {'; '.join(lines)}")
-    except (ValueError, RecursionError) as error:
-        refuse(f"{path}: not a TOML file: {error}")
+    given = read_form(path, StructureForm, MatricesError)
     if given.matrices.units not in UNITS:
         refuse(f"{path}: matrices.units = {given.matrices.units!r}; known are {', '.join(UNITS)}")
     return given

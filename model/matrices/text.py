@@ -14,8 +14,8 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from lamella_shared import plain_text
 from model.stack.errors import MatricesError
-from model.stack.parts import plain_text
 
 
 def refuse(message: str) -> NoReturn:

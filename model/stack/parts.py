@@ -8,7 +8,6 @@ pull: at negative strain the pressure is 0.
 from __future__ import annotations
 
 import csv
-import errno
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from lamella_shared import arrays
+from lamella_shared import arrays, plain_text
 from model.stack.errors import StackError
 
 if TYPE_CHECKING:
@@ -343,21 +342,6 @@ class Material:
         q22 = q11 * self.transverse_ratio
         shear = self.shear_ratio * self.young / (2.0 * (1.0 + self.poisson))
         return q11, self.poisson * q22, q22, shear
-
-
-def plain_text(path: Path) -> str:
-    """Return the text of a file, without the mark of its byte order that some editors set.
-
-    Raises
-    ------
-    OSError
-        It cannot be read, or is a pipe or a device, which would keep the reader waiting or never end.
-    ValueError
-        It is not text.
-    """
-    if path.exists() and not (path.is_file() or path.is_dir()):
-        raise OSError(errno.EINVAL, "is a pipe or a device; give a plain file", str(path))
-    return path.read_text(encoding="utf-8-sig")
 
 
 _COLUMNS = ("strain", "pressure_kPa")

@@ -193,7 +193,7 @@ def _check_interlayers(stack: Stack) -> None:
     for i, below in enumerate(places):
         if not below < stack.n_lamina or below in places[:i]:
             raise StackError(
-                f"interlayers[{i}]: below = {below}; each place between two laminas, from 1 to "
+                f"interlayers[{i + 1}]: below = {below}; each place between two laminas, from 1 to "
                 f"{stack.n_lamina - 1}, can hold one layer"
             )
 
@@ -224,6 +224,6 @@ def _check_clamps(stack: Stack) -> None:
         for axis, position, size in (("x", clamp.x, stack.length), ("y", clamp.y, stack.width)):
             if abs(position) > size / 2.0:
                 raise StackError(
-                    f"clamps[{i}]: {axis} = {position:g} m lies outside the stack, which reaches from "
+                    f"clamps[{i + 1}]: {axis} = {position:g} m lies outside the stack, which reaches from "
                     f"{-size / 2:g} to {size / 2:g} m"
                 )

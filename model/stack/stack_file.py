@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import csv
-import difflib
-import json
 import math
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
+from lamella_shared import form_of, plain_text, read_form, toml_of
 from model.stack import outline
 from model.stack.errors import StackError
 from model.stack.parts import (
@@ -29,7 +27,6 @@ from model.stack.parts import (
     Mesh,
     PatchSupport,
     Pressing,
-    plain_text,
     read_curve,
 )
 from model.stack.stack import Stack
@@ -133,36 +130,6 @@ class StackFile(_Table):
     supports: list[_Support] = Field(default_factory=list)
 
 
-_TABLES: dict[str, type[_Table]] = {
-    "material": _Material,
-    "contact": _Contact,
-    "clamps": _Clamp,
-    "mesh": _Mesh,
-    "outline": _Outline,
-    "pressing": _Pressing,
-    "interlayers": _Interlayer,
-    "supports": _Support,
-}
-
-
-def _explain(path: Path, error: ValidationError) -> str:
-    lines = []
-    for item in error.errors():
-        place = [part for part in item["loc"] if isinstance(part, str)]
-        where = ".".join(str(part) for part in item["loc"])
-        table = _TABLES.get(place[0], StackFile) if len(place) > 1 else StackFile
-        allowed = sorted(table.model_fields)
-        if item["type"] == "extra_forbidden":
-            close = difflib.get_close_matches(place[-1], allowed, n=3, cutoff=0.5)
-            hint = f"; did you mean {' or '.join(close)}?" if close else ""
-            lines.append(f"{path}: unknown key {where}{hint} Allowed here: {', '.join(allowed)}")
-        elif item["type"] == "missing":
-            lines.append(f"{path}: key {where} is missing; it must be given")
-        else:
-            lines.append(f"{path}: {where} = {item['input']!r}: {item['msg']}")
-    return "\n".join(lines)
-
-
 def read_stack(path: str | Path) -> Stack:
     """Read a stack from a TOML file.
 
@@ -190,48 +157,22 @@ def read_stack(path: str | Path) -> Stack:
         the file, the key and what is allowed.
     """
     path = Path(path)
-    try:
-        raw = read_toml(path)
-    except OSError as error:
-        raise StackError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, RecursionError) as error:  # brackets by the thousand
-        raise StackError(f"{path}: not a TOML file: {error}") from error
+    raw = toml_of(path, StackError)
     if "matrices" in raw:
         raise StackError(
             f"{path}: is a structure of matrices, and this needs the model of a stack; ema, model, fit, diagnose, "
             "report and open take matrices"
         )
-    try:
-        given = _validated(raw)
-    except ValidationError as error:
-        raise StackError(_explain(path, error)) from error
+    given = form_of(path, raw, StackFile, StackError)
     try:
         return _to_si(given, path.parent)
     except StackError as error:
         raise StackError(f"{path}: {error}") from error
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return what a TOML file holds, with or without the mark of its byte order that some editors set.
-
-    Raises
-    ------
-    OSError
-        As in `plain_text`.
-    ValueError, RecursionError
-        It is not TOML.
-    """
-    return tomllib.loads(plain_text(path))
-
-
-def _validated(raw: dict[str, Any]) -> StackFile:
-    """Return the form of a file, strictly: true is not 1 and no text is a number."""
-    return StackFile.model_validate_json(json.dumps(raw, default=str), strict=True)
-
-
 def stack_inputs(path: Path) -> tuple[Path, ...]:
     """Return the file of a stack, which `read_stack` accepts, and the files that it names."""
-    given = _validated(read_toml(path))
+    given = read_form(path, StackFile, StackError)
     named = (given.contact.torque_table, given.outline.file, None if given.pressing is None else given.pressing.curve)
     return (path, *(path.parent / name for name in named if name is not None))
 
@@ -292,8 +233,8 @@ def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> Non
         for axis, side, whole in zip("xy", clamp.footprint_mm, size_mm, strict=True):
             if side > whole + touching_mm:
                 raise StackError(
-                    f"clamps[{i}]: footprint_mm is {side:g} mm along {axis}, but the stack is {whole:g} mm; give the "
-                    "part that lies on it"
+                    f"clamps[{i + 1}]: footprint_mm is {side:g} mm along {axis}, but the stack is {whole:g} mm; give "
+                    "the part that lies on it"
                 )
         for j, other in enumerate(clamps[:i]):
             apart = (abs(clamp.x_mm - other.x_mm), abs(clamp.y_mm - other.y_mm))
@@ -301,7 +242,7 @@ def _check_footprints(clamps: list[_Clamp], size_mm: tuple[float, float]) -> Non
             shared = [(p + q) / 2.0 - gap for (p, q), gap in zip(reach, apart, strict=True)]
             if max(apart) > 0.0 and min(shared) > touching_mm:  # at the same place they are one that is heavier
                 raise StackError(
-                    f"clamps[{j}] and clamps[{i}]: their footprints overlap by {shared[0]:g} mm along x and "
+                    f"clamps[{j + 1}] and clamps[{i + 1}]: their footprints overlap by {shared[0]:g} mm along x and "
                     f"{shared[1]:g} mm along y; check x_mm, y_mm and footprint_mm"
                 )
 
@@ -425,18 +366,20 @@ def _pressing(given: _Pressing, folder: Path) -> Pressing:
 def _support(i: int, given: _Support) -> EdgeSupport | PatchSupport:
     stiffness = {"along", "across", "rotation"}
     if (given.edge is None) == (given.patch_mm is None):
-        raise StackError(f"supports[{i}]: give either edge or patch_mm = [x, y, length, width]")
+        raise StackError(f"supports[{i + 1}]: give either edge or patch_mm = [x, y, length, width]")
     on_edge = {"along": given.along_N_m2, "across": given.across_N_m2, "rotation": given.rotation_N}
     on_patch = {"along": given.along_N_m3, "across": given.across_N_m3}
     used, unused = (on_edge, on_patch) if given.edge is not None else (on_patch, on_edge)
     if given.condition != "elastic":
         if any(on_edge.values()) or any(on_patch.values()):
-            raise StackError(f'supports[{i}]: stiffness goes with condition = "elastic", not with {given.condition!r}')
+            raise StackError(
+                f'supports[{i + 1}]: stiffness goes with condition = "elastic", not with {given.condition!r}'
+            )
         held = stiffness if given.condition == "clamped" else stiffness - {"rotation"}
         used = {name: math.inf if name in held else 0.0 for name in used}
     elif any(value for name, value in unused.items() if name not in used or value != used[name]):
         raise StackError(
-            f"supports[{i}]: an edge takes along_N_m2, across_N_m2, rotation_N; a patch along_N_m3, across_N_m3"
+            f"supports[{i + 1}]: an edge takes along_N_m2, across_N_m2, rotation_N; a patch along_N_m3, across_N_m3"
         )
     if given.edge is not None:
         return EdgeSupport(edge=given.edge, laminas=given.laminas, **used)

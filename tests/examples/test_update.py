@@ -87,7 +87,7 @@ def test_what_is_written_is_what_was_found(done):
         ("prior = [1.0, 0.02]", "prior = [1.0, 0.0]", "parameter.young.prior"),
         ("prior = [1.0, 0.02]", "prior = [1.0, 0.02]\nfixed = 1.0", "take out 'fixed' or prior"),
         ('name = "Demo', 'title = "Demo', "name: this key is missing"),
-        ("[200, 6000]", "[200, many]", "not valid TOML"),
+        ("[200, 6000]", "[200, many]", "not a TOML file"),
     ],
 )
 def test_a_wrong_key_is_named_with_what_would_be_right(tmp_path, old, new, message):

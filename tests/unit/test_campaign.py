@@ -101,7 +101,7 @@ def test_what_the_file_says(folder):
         ('["run*.csv"]', "[]", "give either 'files'"),
         ("[30, 1100]", "[1100, 30]", "band_Hz must be .lower, upper."),
         ('name = "M2"', 'name = "M1"', "names must be unique"),
-        ("torque_Nm = 1.5", "torque_Nm = ", "not valid TOML"),
+        ("torque_Nm = 1.5", "torque_Nm = ", "not a TOML file"),
         ('reason = "upside down"', "", r"correction\[1\].reason: this key is missing"),
         ("direction = [0, 3, 4]", "direktion = [0, 3, 4]", r"output\[1\]: .* is not a DOF"),
     ],

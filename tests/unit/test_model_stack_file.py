@@ -29,12 +29,12 @@ def test_units_become_si(tmp_path, stack_text):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("pressure_kPa", "presure_kPa", ["contact.presure_kPa", "did you mean pressure_kPa", "normal_modulus_GPa"]),
-        ("poisson = 0.28\n", "", ["material.poisson is missing"]),
+        ("pressure_kPa", "presure_kPa", ["contact.presure_kPa", "did you mean 'pressure_kPa'", "normal_modulus_GPa"]),
+        ("poisson = 0.28\n", "", ["material.poisson: this key is missing"]),
         ("G_f = 825", 'G_f = "stiff"', ["contact.G_f", "'stiff'"]),
         ("G_f = 825", "G_f = -1", ["G_f must be positive", "-1"]),
-        ("x_mm = 100", "x_mm = 200", ["clamps[0]", "outside the stack", "0.15"]),
-        ("x_mm = 100", 'x_mm = 100\ndistribution = "side"', ["clamps.0.distribution", "'side'"]),
+        ("x_mm = 100", "x_mm = 200", ["clamps[1]", "outside the stack", "0.15"]),
+        ("x_mm = 100", 'x_mm = 100\ndistribution = "side"', ["clamps[1].distribution", "'side'"]),
         ("length_mm = 300", "length_mm = 0", ["length must be positive"]),
         ("n_lamina = 240", "n_lamina = 1000000000", ["n_lamina = 1000000000", "m thick"]),
         ("[material]", "[material", ["not a TOML file"]),

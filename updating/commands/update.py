@@ -15,9 +15,10 @@ from rich.console import Console
 
 import model
 from ema import read_campaign
-from ema.io.files import Section, read_form
+from ema.io.files import Section
 from ema.plot.figures import as_png
 from ema.types.arrays import single_threaded
+from lamella_shared import read_form
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import by_level, changed_names
 from updating.commands.fit import ledger_table

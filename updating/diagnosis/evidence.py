@@ -12,9 +12,10 @@ import scipy
 from numpy.typing import NDArray
 from pydantic import Field, create_model
 
-from ema.io.files import Section, read_form
+from ema.io.files import Section
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
+from lamella_shared import read_form
 from model import Effect, Modes, Observation, Observed, ReducedEquations, Stack, contact_strain, observe, solve_modes
 from updating.correlation.registration import register
 from updating.diagnosis.candidates import G_F_RANGE, N_MODEL, CandidateModel

@@ -27,9 +27,10 @@ from ema.campaign.campaign_file import (
     TitleSection,
     reference_faults,
 )
-from ema.io.files import Section, did_you_mean, read_form, read_toml
+from ema.io.files import Section
 from ema.types.geometry import Geometry
 from ema.types.modal_model import ModalModel
+from lamella_shared import did_you_mean, read_form, read_toml
 from model import Stack, read_stack
 from model.stack.errors import StackError
 from model.stack.stack_file import stack_inputs

@@ -24,9 +24,9 @@ from ema import (
     read_modes,
 )
 from ema.identification.exchange import read_poles
-from ema.io.files import plain_bytes
 from ema.modal.runs import run_changes
 from ema.types.errors import EmaError
+from lamella_shared import plain_bytes
 from model.stack.errors import ModelError
 from updating.errors import FitError, PairingError, StoreError
 from updating.results.store import (

@@ -15,10 +15,10 @@ import model
 from ema import write_uff
 from ema.types.frf import FRF
 from ema.types.geometry import Dofs, Geometry
+from lamella_shared import read_toml
 from model import Formula, Observation, Observed, ReducedSystem, SolveError
 from model.elements.equations import OMEGA, Product, Target
 from model.reduction.reduced_equations import full
-from model.stack.stack_file import read_toml
 from updating.correlation.pairing import N_MODE
 from updating.results.store import write_bytes, write_result
 from updating.virtual.vibration_test import (

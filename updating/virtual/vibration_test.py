@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 import model
-from ema.io.files import Section, read_form
+from ema.io.files import Section
 from ema.types.geometry import Geometry
+from lamella_shared import read_form
 from model import Contact, Effect, Instruments, Mesh, Observation, Stack
 from updating.errors import FitError
 

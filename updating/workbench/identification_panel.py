@@ -17,13 +17,13 @@ from ema.identification.doubtful_modes import dropped_columns, stability
 from ema.identification.exchange import read_poles, write_poles
 from ema.identification.maximum_likelihood import linear_fit
 from ema.identification.stabilization import highest_order, stabilization
-from ema.io.files import plain_bytes
 from ema.modal.mac import mac
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.errors import EmaError
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
+from lamella_shared import plain_bytes
 from updating.errors import StoreError, UpdatingError
 from updating.fitting.plots import lone_shape
 from updating.report.chart import Chart, axis, single

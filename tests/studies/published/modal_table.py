@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ema.io.files import Section, read_form
-from lamella_shared import arrays
+from ema.io.files import Section
+from lamella_shared import arrays, read_form
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.criteria import class_grid, solve_by_class
 from updating.errors import FitError
