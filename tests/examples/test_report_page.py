@@ -28,8 +28,7 @@ from updating.report.modes_part import modes_section, shape_section
 from updating.report.page import titles, write_report
 from updating.report.part import Gallery, Picture, Section, of_model, packed, renderer
 from updating.report.results import read_results
-from updating.results.table import Table
-from updating.results.text import Z95, uncertain
+from updating.results.text import Z95, Table, uncertain
 
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium, Chrome or Edge on PATH")

@@ -24,7 +24,7 @@ from updating.report.part import Picture, Section, of_model
 from updating.report.results import IdentifiedModel, Results
 from updating.report.results import Tested as Configuration
 from updating.results.store import read_result, write_result
-from updating.results.table import Table
+from updating.results.text import Table
 
 EFFECT, PARAMETER, VALUE = "lost_contact_middle", "middle_loss", 0.4
 

@@ -13,7 +13,7 @@ from updating.fitting.plots import point_displacement
 from updating.report import files
 from updating.report.page import render
 from updating.report.part import Picture, Section, as_csv, fewer_colours
-from updating.results.table import Table
+from updating.results.text import Table
 
 
 def table(*columns, **others):

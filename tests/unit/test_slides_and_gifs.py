@@ -15,7 +15,7 @@ from updating.fitting.plots import ShapePair
 from updating.report import files
 from updating.report.files import shape_gif
 from updating.report.part import Opening, Picture, Section
-from updating.results.table import Table
+from updating.results.text import Table
 
 
 @pytest.fixture

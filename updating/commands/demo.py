@@ -14,8 +14,7 @@ from updating.correlation.pairing import LEAST_MAC
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import FitError, StoreError
 from updating.results.identified import Failed
-from updating.results.table import Table
-from updating.results.text import percent
+from updating.results.text import Table, percent
 
 _FOLDER = "share/lamella"
 

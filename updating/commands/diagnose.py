@@ -38,8 +38,7 @@ from updating.results.campaign import (
 )
 from updating.results.identified import Identified, assignments, every_identified, forget_choices
 from updating.results.store import kept, write_result
-from updating.results.table import Table
-from updating.results.text import in_percent
+from updating.results.text import Table, in_percent
 from updating.results.what_changed import WhatChanged
 from updating.workers.workers import workers
 

@@ -54,7 +54,7 @@ from updating.results.identified import (
     require_none,
 )
 from updating.results.store import folder_name, read_frf, write_bytes, write_result
-from updating.results.table import Table
+from updating.results.text import Table
 from updating.workers.workers import in_parallel
 
 

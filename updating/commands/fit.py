@@ -40,8 +40,7 @@ from updating.results.identified import (
 )
 from updating.results.ledger import Entry, write_ledger
 from updating.results.store import kept
-from updating.results.table import Table
-from updating.results.text import interval_text, parameter_text
+from updating.results.text import Table, interval_text, parameter_text
 from updating.workers.workers import in_parallel, workers
 
 

@@ -43,8 +43,7 @@ from updating.correlation.correlation import correlate
 from updating.correlation.criteria import class_grid, shape_classes
 from updating.results.identified import Assignment, Identified, identified
 from updating.results.store import kept, write_bytes, write_result
-from updating.results.table import Table
-from updating.results.text import Z95, quantity
+from updating.results.text import Z95, Table, quantity
 
 if TYPE_CHECKING:
     from updating.diagnosis.matrices_answer import MatricesFit

@@ -17,8 +17,7 @@ from updating.pooled.diagnosis import diagnose_specimens
 from updating.results.identified import assignments, every_identified
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanation_text, specimen_row
 from updating.results.store import kept
-from updating.results.table import Table
-from updating.results.text import in_percent
+from updating.results.text import Table, in_percent
 from updating.workers.workers import workers
 
 

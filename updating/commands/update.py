@@ -38,7 +38,7 @@ from updating.results.campaign import measurement_findings, over_amplitude
 from updating.results.identified import assignments, every_identified, forget_choices
 from updating.results.ledger import write_ledger
 from updating.results.store import folder_name, write_bytes, write_result
-from updating.results.table import Table
+from updating.results.text import Table
 from updating.workers.workers import workers
 
 

@@ -16,8 +16,7 @@ from updating.report.change_part import mode_changes, mode_picture, step_picture
 from updating.report.ledger_part import APART
 from updating.report.part import Opening, Picture, Section
 from updating.report.results import Results, Tested
-from updating.results.table import Table
-from updating.results.text import Z95, estimate_text, in_percent, percent, quantity, together
+from updating.results.text import Z95, Table, estimate_text, in_percent, percent, quantity, together
 
 _TONE: dict[Verdict, str] = {
     "nothing missing": "good",

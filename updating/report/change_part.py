@@ -18,8 +18,7 @@ from updating.diagnosis.answer import Diagnosis, Telling, telling
 from updating.report.chart import Chart, axis, charted, single
 from updating.report.part import Picture, Section, as_csv
 from updating.report.results import Results
-from updating.results.table import Table
-from updating.results.text import in_percent, percent
+from updating.results.text import Table, in_percent, percent
 from updating.results.what_changed import AXES, KindOfChange, WhatChanged, separation, size_text
 
 _KINDS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}

@@ -47,8 +47,7 @@ from updating.report.modes_part import (
 from updating.report.part import N_COLOUR, Picture
 from updating.report.results import Results, Tested
 from updating.results.store import folder_name, write_bytes
-from updating.results.table import Table
-from updating.results.text import interval_text, parameter_text, percent
+from updating.results.text import Table, interval_text, parameter_text, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

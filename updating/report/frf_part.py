@@ -22,7 +22,7 @@ from updating.report.chart import Chart, axis, legend_above, single
 from updating.report.identified_model import fracs, modelled
 from updating.report.part import Picture, Section, as_csv, png
 from updating.report.results import Tested
-from updating.results.table import Table
+from updating.results.text import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,8 +17,7 @@ from updating.report.chart import Chart, axis, charted
 from updating.report.part import Picture, Section, as_csv
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
-from updating.results.table import Table
-from updating.results.text import Z95, ends, in_percent, interval_text, percent, uncertain
+from updating.results.text import Z95, Table, ends, in_percent, interval_text, percent, uncertain
 
 _ERRORS = {
     "frequency": ("error", "mode_error", "configuration_error"),

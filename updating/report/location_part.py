@@ -16,7 +16,7 @@ from updating.fitting.fit import Fit, reduced_about
 from updating.report.chart import Chart, single
 from updating.report.part import Picture, Section, as_csv, fewer_colours
 from updating.report.results import Tested
-from updating.results.table import Table
+from updating.results.text import Table
 
 _KIND_OF_FAMILY: dict[Family, str] = {
     "pressure field": "tangential contact",

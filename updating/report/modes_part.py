@@ -22,8 +22,7 @@ from updating.report.chart import Chart, axis, charted, single
 from updating.report.frf_part import frf_title
 from updating.report.part import ByModel, Gallery, Picture, Section, anchor, as_csv, of_model, png
 from updating.report.results import Tested
-from updating.results.table import Table
-from updating.results.text import Z95, parameter_text, uncertain
+from updating.results.text import Z95, Table, parameter_text, uncertain
 
 _ADDED, _WITH_ADDED = "with what was identified [%]", " With what was identified:"
 

@@ -23,7 +23,7 @@ from updating.report.pooled_part import pooled_section
 from updating.report.results import Results, Tested, read_results
 from updating.report.state_part import beside_section, state_section
 from updating.results.store import folder_name, write_bytes
-from updating.results.table import Table
+from updating.results.text import Table
 
 
 def provenance_section(results: Results) -> Section:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
-from updating.results.table import Shown, Table
+from updating.results.text import Shown, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

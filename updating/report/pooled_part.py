@@ -11,8 +11,7 @@ from ema.plot import palette
 from updating.report.chart import Chart, axis, charted
 from updating.report.part import Picture, Section, as_csv
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, SpecimenAnswer, contact_cells, specimen_row
-from updating.results.table import Table
-from updating.results.text import in_percent, interval_text
+from updating.results.text import Table, in_percent, interval_text
 
 Contact = Literal["G_f", "d_f"]
 

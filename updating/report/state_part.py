@@ -21,8 +21,7 @@ from updating.report.frf_part import CHANGED, REFERENCE, frf_chart
 from updating.report.modes_part import gallery_of, mac_picture
 from updating.report.part import Gallery, Picture, Section, as_csv, png, svg
 from updating.report.results import Tested
-from updating.results.table import Table
-from updating.results.text import uncertain
+from updating.results.text import Table, uncertain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
