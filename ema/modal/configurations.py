@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 import scipy
 import scipy.linalg as la
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ema.campaign.campaign import Configuration
 from ema.modal.mac import mac
@@ -488,11 +488,27 @@ def match(
     return rows[matched].astype(np.int64), columns[matched].astype(np.int64)
 
 
-def clusters(frequency: NDArray[np.float64]) -> tuple[NDArray[np.int64], ...]:
-    """Split modes into those that lie closer than `CLOSE` to a neighbour, each group ascending in frequency."""
-    order = np.argsort(frequency, kind="stable")
-    gap = np.diff(frequency[order]) / frequency[order][1:]
-    return tuple(part.astype(np.int64) for part in np.split(order, np.flatnonzero(gap > CLOSE) + 1) if part.size)
+def clusters(frequency: ArrayLike, close: float = CLOSE) -> tuple[NDArray[np.int64], ...]:
+    """Split modes into clusters whose neighbours lie less than a relative gap apart.
+
+    Parameters
+    ----------
+    frequency : (n_mode,) array_like
+        Natural frequencies in any order, Hz; infinite ones stay alone.
+    close : float
+        Largest relative gap within a cluster.
+
+    Returns
+    -------
+    tuple of (n,) int
+        Column numbers, each cluster ascending in frequency; a mode alone is a cluster of one.
+    """
+    values = np.asarray(frequency, dtype=float)
+    order = np.argsort(values, kind="stable")
+    ascending = values[order]
+    with np.errstate(invalid="ignore"):
+        apart = ~(np.diff(ascending) <= close * ascending[1:])
+    return tuple(part.astype(np.int64) for part in np.split(order, np.flatnonzero(apart) + 1) if part.size)
 
 
 def sine(first: NDArray[np.complex128], second: NDArray[np.complex128], n: int) -> float:

@@ -20,12 +20,13 @@ from ema.types.errors import CampaignError, MeasurementError
 from ema.types.geometry import Dof, Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel
 
-USUAL = ModesStd(frequency=1e-3, damping=0.1, shape=0.01)
+FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01
+USUAL = ModesStd(frequency=FREQUENCY_STD, damping=DAMPING_STD, shape=SHAPE_STD)
 """Relative standard deviations where neither files nor campaign state any, as of tables of specimens. By Au's
 uncertainty law of ambient tests (Mech. Syst. Signal Process. 48, 2014, pp. 15-33) the variance of a frequency is
 damping / (2 pi N) of its square and that of a damping ratio 1 / (2 pi N damping): over N = 1000 to 3000 periods, at a
 damping ratio of 0.5 %, 0.05 to 0.1 % and 10 to 20 %. 1 % of a shape is what the calibration of sensors leaves."""
-_DAMPING = 1e-2
+UNSTATED_DAMPING = 1e-2
 """Damping ratio that stands where none is stated."""
 
 
@@ -214,7 +215,7 @@ def completed(modes: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> Foun
     }
     frequency, damping = modes.frequency[order], modes.damping[order]
     known = ~np.isnan(damping)
-    damping = np.where(known, damping, _DAMPING)
+    damping = np.where(known, damping, UNSTATED_DAMPING)
     stated = [std_of[order] for std_of in (modes.frequency_std, modes.damping_std, modes.shape_std)]
     usual = np.where(known, relative["damping"], unknown) * damping
     return replace(

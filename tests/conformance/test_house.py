@@ -214,3 +214,25 @@ def test_a_forbidden_import_is_seen():
 def test_second_models_know_nothing_of_what_they_judge():
     for path in sources("tests/independent"):
         assert not {"model", "ema", "updating"} & imported(parse(path)), path
+
+
+def numbers(package):
+    """Public names of modules of a package that stand for a number alone, with all their values."""
+    found = {}
+    for path in sources(package):
+        for node in parse(path).body:
+            name = node.targets[0].id if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) else "_"
+            if (
+                not name.startswith("_")
+                and isinstance(node.value, ast.Constant)
+                and type(node.value.value) in (int, float)
+            ):
+                found.setdefault(name, set()).add(node.value.value)
+    return found
+
+
+def test_a_public_number_has_one_value():
+    every = [numbers(package) for package in FORBIDDEN]
+    names = {name for found in every for name in found}
+    assert len(names) > 20
+    assert not {n for n in names if len(set().union(*(found.get(n, set()) for found in every))) > 1}

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from ema.modal.configurations import clusters
 from ema.modal.mac import mac
-from updating.correlation.criteria import clusters, rotate_onto, span_mac, subspace_mac
+from updating.correlation.criteria import rotate_onto, span_mac, subspace_mac
 
 
 @pytest.fixture

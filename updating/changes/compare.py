@@ -37,7 +37,7 @@ _SIZES = np.geomspace(0.25, 6.0, 9)
 """Sizes of the scatter over its median at which all is weighed."""
 MOST_CELLS = 16
 """Cells of the coarse grid that are cut in nine, of each kind."""
-LEAST_SHARE = 5e-3
+LEAST_CELL = 5e-3
 """Probability of a cell, within its kind, from which that is done."""
 STANDS_OUT = 2.0
 """The same over that of a cell where all are alike: where the location hardly matters a coarse grid is enough."""
@@ -182,7 +182,7 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
         cell = scipy.special.logsumexp(log.reshape(-1, len(location)), axis=0)  # all of them for each size
         cell = np.exp(cell - scipy.special.logsumexp(cell))
         near = np.argsort(-cell)[:MOST_CELLS]
-        near = near[cell[near] > max(LEAST_SHARE, STANDS_OUT / len(location))]
+        near = near[cell[near] > max(LEAST_CELL, STANDS_OUT / len(location))]
         found += _closer(batch, near, at.structure.finer(location[near], step), at.structure, actions)
     return found
 
@@ -289,7 +289,7 @@ def _with_answers(structure: Condensed, tried: _Tried, problems: Sequence[tuple[
         left = mass.copy()
         left[list(refined)] = 0.0
         f = int(np.argmax(left))
-        if left[f] < LEAST_SHARE * mass.sum():
+        if left[f] < LEAST_CELL * mass.sum():
             break
         i = int(np.argmax(np.where(form == f, each, -np.inf)))
         refined[f] = refine(structure, tried.kind, tried.candidates, i, float(tried.batch.effect[i]), problems)

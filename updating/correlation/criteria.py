@@ -11,32 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from model import Modes, Observation, Observed, ReducedSystem, Stack, solve_modes
 
-CLOSE = 0.03
-"""Relative gap of neighbouring frequencies below which modes count as close: an error of 6 % in stiffness closes it."""
-
-
-def clusters(frequency: ArrayLike, close: float = CLOSE) -> tuple[NDArray[np.int64], ...]:
-    """Split modes into clusters whose neighbours lie less than a relative gap apart.
-
-    Parameters
-    ----------
-    frequency : (n_mode,) array_like
-        Natural frequencies in any order, Hz; infinite ones stay alone.
-    close : float
-        Largest relative gap within a cluster.
-
-    Returns
-    -------
-    tuple of (n,) int
-        Column numbers, each cluster ascending in frequency; a mode alone is a cluster of one.
-    """
-    values = np.asarray(frequency, dtype=float)
-    order = np.argsort(values, kind="stable")
-    ascending = values[order]
-    with np.errstate(invalid="ignore"):
-        apart = ~(np.diff(ascending) <= close * ascending[1:])
-    return tuple(part.astype(np.int64) for part in np.split(order, np.flatnonzero(apart) + 1) if part.size)
-
 
 def subspace_mac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
     """Squared cosines of the principal angles between the spans of two sets of shapes, descending.
@@ -169,7 +143,7 @@ def cross_orthogonality(a: ArrayLike, b: ArrayLike, mass: ArrayLike) -> NDArray[
     return np.abs(first.conj().T @ product) / np.outer(length_a, length_b)
 
 
-N_STATION, N_ROW = 41, 3
+CLASS_STATIONS, CLASS_ROWS = 41, 3
 
 
 def class_grid(stack: Stack) -> Observation:
@@ -177,8 +151,8 @@ def class_grid(stack: Stack) -> Observation:
 
     The DOFs are ordered direction (z, x, y), station, row.
     """
-    x = np.linspace(-0.5, 0.5, N_STATION) * stack.length
-    y = np.linspace(-0.5, 0.5, N_ROW) * stack.width
+    x = np.linspace(-0.5, 0.5, CLASS_STATIONS) * stack.length
+    y = np.linspace(-0.5, 0.5, CLASS_ROWS) * stack.width
     location = np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
     return Observation(
         node=np.arange(3 * len(location)),
@@ -193,7 +167,7 @@ def shape_classes(modes: Modes) -> tuple[str, ...]:
     Returns "bending n", "torsion n" (n counts the order from 1), or "other" where the motion at mid-height is mostly in
     the plane of the sheets.
     """
-    field = modes.shape.reshape(3, N_STATION, N_ROW, -1)
+    field = modes.shape.reshape(3, CLASS_STATIONS, CLASS_ROWS, -1)
     names = []
     for r in range(field.shape[-1]):
         w, in_plane = field[0, ..., r], field[1:, ..., r]

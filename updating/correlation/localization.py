@@ -208,7 +208,7 @@ def _clamp_energy(system: ReducedSystem, x: Vector, where: Regions) -> Vector:
     return found
 
 
-SCATTER = 0.01
+SENSOR_SCATTER = 0.01
 """Errors of places, directions and calibration of the sensors, relative to a shape's root mean square."""
 
 
@@ -388,7 +388,7 @@ def _optima(
         if _OMEGA in theta:
             matrices = _matrices(system, basis, {**theta, _OMEGA: omega})
         shape = real_shape(measured.shape[:, [r]])[:, 0]
-        std = np.hypot(measured.shape_std[:, r], SCATTER * np.sqrt(np.mean(shape**2)))
+        std = np.hypot(measured.shape_std[:, r], SENSOR_SCATTER * np.sqrt(np.mean(shape**2)))
         found.append(_solve(matrices, omega, rows / std[:, None], shape / std))
     return found
 

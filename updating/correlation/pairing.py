@@ -15,19 +15,12 @@ import scipy
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from ema.modal.configurations import CLOSE, clusters
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
 from lamella_shared import arrays
 from model import Modes
-from updating.correlation.criteria import (
-    CLOSE,
-    cluster_of,
-    clusters,
-    cross_orthogonality,
-    rotate_onto,
-    span_mac,
-    subspace_mac,
-)
+from updating.correlation.criteria import cluster_of, cross_orthogonality, rotate_onto, span_mac, subspace_mac
 from updating.correlation.registration import pseudo_orthogonality, visible
 from updating.errors import PairingError
 
@@ -110,7 +103,7 @@ def pair(measured: ModeSet, model: ModeSet, *, threshold: float = LEAST_MAC) -> 
     MACXP (see `macxp.macxp`), with the half-power bandwidth widened to what a model before its fit may be off.
     Cross-orthogonality counts only where the model's shapes are independent enough at the measured points.
 
-    Modes that this leaves over are paired with the spans of close modes (`subspace.clusters`), as a whole: where
+    Modes that this leaves over are paired with the spans of close modes (`clusters`), as a whole: where
     frequencies nearly meet, measurement and model may mix the same modes differently.
 
     Parameters

@@ -90,7 +90,7 @@ D_F_BOUNDS = (0.0, 1e-8)
 DOUBTFUL = 0.3
 """Mean frequency error from which a fit is none: the published model leaves half of it, 14.4 % (Table 7)."""
 
-N_SNAPSHOT = 6
+N_SNAPSHOT_WIDE = 6
 """Values of G_f at which the reduction is exact; six over two decades keep frequencies within 1e-5 between them."""
 
 FREQUENCY_FORM, DAMPING_FORM = 1e-3, 1e-2
@@ -247,7 +247,7 @@ def fit(
     registration = register(stack, measured.geometry, measured.node, measured.direction, tolerance=tolerance)
     single = stack.n_lamina == 1
     n_mode = N_MODE if single else n_snapshot_mode  # no G_f gives one lamina other modes
-    system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=1 if single else N_SNAPSHOT, n_mode=n_mode)
+    system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=1 if single else N_SNAPSHOT_WIDE, n_mode=n_mode)
     observed = observe(system, registration.observation)
     rig = upright(check_rig(system, stack.contact.pressure, measured, G_f_bounds))
     used = _modes_that_pair(system, observed, measured, threshold, G_f_bounds)

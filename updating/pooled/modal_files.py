@@ -15,21 +15,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.modal.read_modes import DAMPING_STD, FREQUENCY_STD, SHAPE_STD, UNSTATED_DAMPING
 from ema.types.geometry import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from model import ReducedSystem, Stack, observe, reduce
-from updating.correlation.criteria import N_ROW, N_STATION, class_grid, solve_by_class
+from updating.correlation.criteria import CLASS_ROWS, CLASS_STATIONS, class_grid, solve_by_class
 from updating.diagnosis.candidates import G_F_RANGE, N_SNAPSHOT
 from updating.errors import FitError
-from updating.pooled.specimen import ALIKE
+from updating.pooled.specimen import HEIGHTS_ALIKE
 from updating.results.store import digest
 
 Vector = NDArray[np.float64]
 
-FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01
-"""Relative standard deviations where a table states none; of a shape's components, over their root mean square."""
-_DAMPING = 1e-2
-"""Damping ratio that stands where none was measured."""
 _DIRECTION = ("x", "y", "z")
 
 
@@ -222,8 +219,9 @@ def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
     frequency = _numbers(path, table, "frequency_Hz")
     if np.any(frequency <= 0.0):
         raise FitError(f"{path}: frequency_Hz must be above 0, found {frequency.min():g}")
-    blank = [not cell.strip() for cell in table.get("damping", [""] * frequency.size)]
-    filled = {**table, "damping": [cell or str(_DAMPING) for cell in table.get("damping", [""] * frequency.size)]}
+    given = table.get("damping", [""] * frequency.size)
+    blank = [not cell.strip() for cell in given]
+    filled = {**table, "damping": [cell or str(UNSTATED_DAMPING) for cell in given]}
     damping = _numbers(path, filled, "damping")
     if np.any((damping <= 0.0) | (damping >= 1.0)):
         raise FitError(f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}")
@@ -285,7 +283,7 @@ class Classes:
 
     def _of(self, stack: Stack) -> ReducedSystem:
         """Return the model of a stack, or of one that is nearly as high and otherwise the same."""
-        step = round(np.log(stack.height / stack.width) / np.log1p(ALIKE))
+        step = round(np.log(stack.height / stack.width) / np.log1p(HEIGHTS_ALIKE))
         key = digest({"stack": replace(stack, name="", height=stack.width), "step": step})
         if key not in self._known:
             self._known[key] = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
@@ -317,7 +315,7 @@ class Classes:
         if np.any(column < 0):
             absent = ", ".join(c for c, k in zip(wanted, column, strict=True) if k < 0)
             raise FitError(f"{name}: the model of {stack.name} has no mode of class {absent}")
-        upwards = np.arange(N_STATION * N_ROW).reshape(N_STATION, N_ROW)[::station_step].ravel()
+        upwards = np.arange(CLASS_STATIONS * CLASS_ROWS).reshape(CLASS_STATIONS, CLASS_ROWS)[::station_step].ravel()
         node, n = grid.node[upwards], upwards.size
         shape = modes.shape[np.ix_(upwards, column)]
         shape = shape / np.abs(shape).max(axis=0)

@@ -25,10 +25,10 @@ from updating.pooled.specimens_model import SCATTER, SpecimensModel
 _LOG = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 
-SHARES = (0.6, 0.2, 0.2)
+TREE_SHARES = (0.6, 0.2, 0.2)
 """Shares of the discrepancy common to all specimens, common to all states of a specimen, and of each state alone: what
 a model misses of a structure is mostly the same in all of a kind. They are estimated from here."""
-LEAST_SHARE = 0.02
+LEAST_TREE_SHARE = 0.02
 """Of each of these: no two stacks are built alike, nor two states of one."""
 LOOSE = 3.0
 """Factor on the rise of the evidence at which the fit of one stack ends: still less than what separates terms."""
@@ -150,13 +150,13 @@ def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[
     """Return the coordinates of the base model from which its fit starts, and what fits share there."""
     names = [c.name for c in model.nuisances]
     x = np.zeros(len(names))
-    tree = Tree(paths=tuple(state.path for state in model.states), shares=SHARES)
+    tree = Tree(paths=tuple(state.path for state in model.states), shares=TREE_SHARES)
     if model.first.touching:
         G_f, d_f = np.mean([group.start for group in model.groups], axis=0)
         x[names.index("G_f")], x[names.index("d_f")] = G_f, d_f
         ends = [x + shift * (np.arange(x.size) == names.index("G_f")) for shift in (0.0, -1.0, 1.0)]
         local = model.about(model.nuisances, ends)
-        common = replace(setting(model, local, x, shares=SHARES, priors=priors), tree=tree, loose=LOOSE)
+        common = replace(setting(model, local, x, shares=TREE_SHARES, priors=priors), tree=tree, loose=LOOSE)
         cost = np.zeros((len(_LADDER), len(model.specimens)))
         for i, shift in enumerate(_LADDER):
             errors = errors_at(model, local, common, x + shift * (np.arange(x.size) == names.index("G_f")))
@@ -167,7 +167,7 @@ def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[
         for s, specimen in enumerate(model.specimens):
             x[names.index(f"G_f[{specimen.name}]")] = best[s] - best.mean()
     local = model.about(model.nuisances, [x])
-    return x, replace(setting(model, local, x, shares=SHARES, priors=priors), tree=tree, loose=LOOSE)
+    return x, replace(setting(model, local, x, shares=TREE_SHARES, priors=priors), tree=tree, loose=LOOSE)
 
 
 def settled(model: SpecimensModel, common: Setting, best: Explanation) -> tuple[SpecimensModel, Setting, bool]:
@@ -216,7 +216,7 @@ def shares_of(fit: Explanation) -> tuple[float, ...]:
     """Return the likeliest shares of the discrepancy, those of a fit being where they are looked for."""
     problem, size = cast(TreeProblem, fit.problem), fit.evidence.sizes.stiffness
     known = np.diag(np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12) + problem.curvature
-    usual = np.log(np.array(SHARES))
+    usual = np.log(np.array(TREE_SHARES))
 
     def log(z: Vector) -> float:
         """Return the logarithm of the evidence at logarithms of the variances of the levels."""
@@ -235,7 +235,7 @@ def shares_of(fit: Explanation) -> tuple[float, ...]:
             bend = low + high - 2.0 * here
             step = 0.5 * (low - high) / bend if bend < 0.0 else np.sign(high - low)
             z = z + float(np.clip(step, -2.0, 2.0)) * direction
-    share = np.maximum(np.exp(z - np.log(np.sum(np.exp(z)))), LEAST_SHARE)
+    share = np.maximum(np.exp(z - np.log(np.sum(np.exp(z)))), LEAST_TREE_SHARE)
     return tuple((share / share.sum()).tolist())
 
 

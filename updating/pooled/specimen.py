@@ -101,7 +101,7 @@ def levels_of(specimens: Sequence[Specimen]) -> tuple[Level, ...]:
 
 _LOG = logging.getLogger(__name__)
 
-ALIKE = 0.06
+HEIGHTS_ALIKE = 0.06
 """Relative difference of heights up to which specimens share the model of the middle one; the rest is taken to first
 order, which is wrong by less than 0.1 % of a frequency."""
 _PLACE = 4  # digits, in m, to which shakers sit at the same place
@@ -228,13 +228,13 @@ def _with(model: StackModel, names: Sequence[str], n_equation: int) -> StackMode
 
 
 def _alike(specimens: Sequence[Specimen]) -> list[list[int]]:
-    """Return which specimens share a model, by height ascending: their stacks differ by `ALIKE` of height at most."""
+    """Return which specimens share a model, by height ascending: at most `HEIGHTS_ALIKE` apart."""
     groups: list[list[int]] = []
     key = [_key(specimen) for specimen in specimens]
     for i in sorted(range(len(specimens)), key=lambda i: (key[i], specimens[i].stack.height)):
         height = specimens[i].stack.height
         last = groups[-1][0] if groups else -1
-        if last >= 0 and key[last] == key[i] and height / specimens[last].stack.height <= 1.0 + ALIKE:
+        if last >= 0 and key[last] == key[i] and height / specimens[last].stack.height <= 1.0 + HEIGHTS_ALIKE:
             groups[-1].append(i)
         else:
             groups.append([i])

@@ -41,7 +41,7 @@ from updating.diagnosis.explained_model import explained_stack, finer_ratio
 from updating.diagnosis.fit_settings import CONTACT
 from updating.diagnosis.stack_near import RATIOS
 from updating.errors import FitError, PairingError
-from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, N_SNAPSHOT, frequency_error, stack_in_state
+from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, N_SNAPSHOT_WIDE, frequency_error, stack_in_state
 from updating.report.chart import Chart, axis, single
 from updating.report.identified_model import identified_effects
 from updating.report.results import Results, Tested
@@ -228,7 +228,7 @@ def tried_model(
 def _as_stated(stack: Stack, measured: ModalModel, kept: CandidateModel | None) -> Tried:
     """Return a stack with nothing moved, reduced where no model of it is kept."""
     system = None if kept is None else kept.system
-    system = system or reduce(stack, G_f_range=G_F_BOUNDS, n_snapshot=N_SNAPSHOT, n_mode=N_MODE)
+    system = system or reduce(stack, G_f_range=G_F_BOUNDS, n_snapshot=N_SNAPSHOT_WIDE, n_mode=N_MODE)
     points = register(stack, measured.geometry, measured.node, measured.direction).observation
     return Tried(
         stack=stack,

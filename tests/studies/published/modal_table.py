@@ -17,7 +17,7 @@ from lamella_shared import arrays, read_form
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.criteria import class_grid, solve_by_class
 from updating.errors import FitError
-from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT, Estimate, Prediction, estimate_stiffness, frequency_error
+from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT_WIDE, Estimate, Prediction, estimate_stiffness, frequency_error
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -196,7 +196,7 @@ def fit_row_by(row: TableRow, predict: Callable[[float], Prediction]) -> TableFi
 
 
 def _predictor(row: TableRow, shape_class: tuple[str, ...]) -> Callable[[float], Prediction]:
-    system = reduce(row.stack, G_f_range=G_F_BOUNDS, n_snapshot=N_SNAPSHOT)
+    system = reduce(row.stack, G_f_range=G_F_BOUNDS, n_snapshot=N_SNAPSHOT_WIDE)
     grid = observe(system, class_grid(row.stack))
 
     def predict(G_f: float) -> Prediction:

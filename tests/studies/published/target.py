@@ -16,7 +16,7 @@ from model.modes.modes import Observed, observe
 from updating.correlation.criteria import class_grid, shape_classes
 from updating.correlation.pairing import N_MODE
 from updating.errors import FitError
-from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT
+from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT_WIDE
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,7 +108,7 @@ class Prepared:
 
 @single_threaded
 def prepare(
-    targets: Sequence[Target], *, G_f_bounds: tuple[float, float] = G_F_BOUNDS, n_snapshot: int = N_SNAPSHOT
+    targets: Sequence[Target], *, G_f_bounds: tuple[float, float] = G_F_BOUNDS, n_snapshot: int = N_SNAPSHOT_WIDE
 ) -> tuple[Prepared, ...]:
     """Reduce the models of targets; those that differ by uniform pressure alone share one reduction.
 

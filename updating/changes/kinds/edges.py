@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from model.effects.support_compliance import RIGID
 from model.elements.mesh import Derivative, Field
 from model.elements.terms import held_motions
 from model.stack.parts import EdgeSupport
@@ -20,7 +21,6 @@ from updating.changes.structure import Part
 Vector = NDArray[np.float64]
 
 _SHARES = np.array([0.08, 0.15, 0.3, 0.6])  # of an edge that gives way
-_RIGID = {"edge_translation": 1e13, "edge_rotation": 1e7}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -100,7 +100,7 @@ def _given(fields: Fields, name: str, stiffness: float) -> float:
     """Return by which factor the fitted compliance leaves a stiffness (see `model.effects.support_compliance`)."""
     if name not in fields.theta:
         return 1.0
-    return float(1.0 / (1.0 + stiffness * (1.0 / fields.theta[name] - 1.0 / _RIGID[name])))
+    return float(1.0 / (1.0 + stiffness * (1.0 / fields.theta[name] - 1.0 / RIGID[name])))
 
 
 def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
