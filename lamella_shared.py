@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import singledispatch
 from html import escape
 from importlib import import_module
+from mmap import mmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
@@ -168,12 +169,12 @@ def frozen(value: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_frozen(value: object) -> bool:
-    """Tell whether nobody writes an array: neither it nor what it is a view of can be written."""
+    """Tell whether nobody writes an array: neither it nor what it is a view of, which may be a file, can be written."""
     import numpy as np
 
     if not isinstance(value, np.ndarray) or value.flags.writeable:
         return False
-    return value.base is None or _is_frozen(value.base)
+    return value.base is None or isinstance(value.base, mmap) or _is_frozen(value.base)
 
 
 _DTYPES = {"complex": complex, "int": int, "bool": bool}  # by the beginning of what NDArray is of; else float

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,8 +24,8 @@ from model.reduction.threads import threaded
 Vector = NDArray[np.float64]
 
 
-def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
-    """Return basis' A basis, (n, n), of every term's matrix A, by the identity of its Kronecker products.
+def projected_terms(assembly: Assembly, basis: Vector) -> tuple[list[int], Iterator[Vector]]:
+    """Return basis' A basis, (n, n), of all matrices A that differ, one by one, and which of them each term has.
 
     Parameters
     ----------
@@ -37,9 +37,14 @@ def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
     order = {f: np.argsort(assembly.plan.abscissa(f), kind="stable") for f in FIELDS}
     parts = _by_field(assembly, basis, order)
     memory = _Memory()
-    terms = {id(term.krons): collected(term.krons) for term in assembly.terms}
-    keys = {which: b"".join(sorted(map(_key, krons))) for which, krons in terms.items()}
-    distinct = {keys[which]: krons for which, krons in terms.items()}
+    distinct: dict[bytes, tuple[Kron, ...]] = {}
+    key_of: dict[int, bytes] = {}
+    for term in assembly.terms:
+        if id(term.krons) not in key_of:
+            krons = collected(term.krons)
+            key_of[id(term.krons)] = b"".join(sorted(map(_key, krons)))
+            distinct.setdefault(key_of[id(term.krons)], krons)
+    number = {key: i for i, key in enumerate(distinct)}
 
     def projected(krons: tuple[Kron, ...]) -> Vector:
         half = sum(
@@ -48,8 +53,7 @@ def projected_terms(assembly: Assembly, basis: Vector) -> dict[int, Vector]:
         )
         return np.asarray(half + half.T)
 
-    found = dict(zip(distinct, threaded(projected, distinct.values()), strict=True))
-    return {which: found[key] for which, key in keys.items()}
+    return [number[key_of[id(term.krons)]] for term in assembly.terms], threaded(projected, distinct.values())
 
 
 class _Memory(threading.local):

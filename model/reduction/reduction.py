@@ -34,7 +34,7 @@ from model.reduction.effect_basis import (
     second_answers,
 )
 from model.reduction.projection import projected_terms
-from model.reduction.reduced_equations import ReducedEquations, ReducedTerm, full, in_ranges
+from model.reduction.reduced_equations import Matrix, ReducedEquations, ReducedTerm, full, in_ranges
 from model.reduction.riding import riding_terms
 from model.reduction.through_thickness import FREE, N_RIGID, SOFT, SPARE, n_rigid, shear_shift, through_thickness_basis
 from model.solvers.eigen import Block, Product, orthonormalize
@@ -127,14 +127,6 @@ class ReducedSystem(ReducedEquations):
     def __post_init__(self) -> None:
         object.__setattr__(self, "basis", readonly("ReducedSystem", "basis", self.basis, (self.assembly.size, None)))
 
-    def ranged(self) -> ReducedSystem:
-        """Return the system with matrices of low rank in ranges that they share: it takes a third of the memory."""
-        whole = {id(t.matrix): full(t.matrix) for t in self.terms}
-        found = dict(zip(whole, in_ranges(whole.values()), strict=True))
-        return dataclasses.replace(
-            self, terms=tuple(dataclasses.replace(t, matrix=found[id(t.matrix)]) for t in self.terms)
-        )
-
     def field_rows(self, field: Field, lamina: NDArray[np.intp], points: NDArray[np.float64]) -> sp.csr_matrix:
         """Return the matrix from z-reduced coordinates to u, v or w on given laminas at points of the plan.
 
@@ -183,6 +175,7 @@ def reduce(
     theta: Mapping[str, float] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     local: Sequence[Effect] = (),
+    ranged: bool = False,
 ) -> ReducedSystem:
     """Reduce a stack to a small system that is affine in its parameters.
 
@@ -208,6 +201,8 @@ def reduce(
         Values of further parameters for which the reduction shall hold.
     local : sequence of Effect
         Those of its effects that act at few places, and may be strong there.
+    ranged : bool
+        Whether matrices of low rank are kept in ranges that they share, which takes a third of the memory.
 
     Raises
     ------
@@ -224,7 +219,7 @@ def reduce(
     sampled = [effect for effect in stack.effects if any(p.name in box for p in effect.parameters)]
     samples = _samples_with(sampled, box, laminas.theta, middle, n_snapshot)
     kinds = ((stack.effects, middle), (sampled, samples[-1]))  # of effects; these have modes of their own there
-    return _from_snapshots(laminas, box, samples, kinds, local, n_mode, z_tolerance)
+    return _from_snapshots(laminas, box, samples, kinds, local, n_mode, z_tolerance, ranged=ranged)
 
 
 def _from_snapshots(
@@ -235,6 +230,8 @@ def _from_snapshots(
     local: Sequence[Effect],
     n_mode: int,
     z_tolerance: float,
+    *,
+    ranged: bool,
 ) -> ReducedSystem:
     """Reduce the equations of all laminas over z and then to the span of snapshots at the samples."""
     stack, outer = laminas.stack, samples[: len(box) + 1]
@@ -248,6 +245,9 @@ def _from_snapshots(
     _LOG.info("reduce the model, 4 of 4: project %d terms on %d shapes", len(assembly.terms), basis.shape[1])
     n_displaced = basis.shape[1]
     riding, n_riding = riding_terms(assembly, basis)
+    if ranged:
+        between = in_ranges(full(term.matrix) for term in riding)
+        riding = tuple(dataclasses.replace(t, matrix=matrix) for t, matrix in zip(riding, between, strict=True))
     steady = [term for term in assembly.terms if not isinstance(term.factor, Riding)]
     basis = np.hstack([basis, np.zeros((len(basis), n_riding))])
     return ReducedSystem(
@@ -256,7 +256,7 @@ def _from_snapshots(
         assembly=assembly,
         basis=basis,
         n_displaced=n_displaced,
-        terms=(*reduced_terms(dataclasses.replace(assembly, terms=tuple(steady)), basis), *riding),
+        terms=(*reduced_terms(dataclasses.replace(assembly, terms=tuple(steady)), basis, ranged=ranged), *riding),
         theta=assembly.theta,
         ranges=box,
         n_base=n_base,
@@ -361,17 +361,18 @@ def _extended(space: Block, x: NDArray[np.float64], product: Product) -> Block:
     return np.hstack([space[0], block]), np.hstack([space[1], mass_block])
 
 
-def reduced_terms(assembly: Assembly, basis: NDArray[np.float64]) -> tuple[ReducedTerm, ...]:
+def reduced_terms(assembly: Assembly, basis: NDArray[np.float64], *, ranged: bool = False) -> tuple[ReducedTerm, ...]:
     """Return the terms of equations of motion in a basis, (assembly.size, n), that begins with rigid-body motion.
 
-    Terms that differ by their factor alone share one matrix.
+    Terms that differ by their factor alone share one matrix. With `ranged`, matrices of low rank are in ranges that
+    they share.
     """
-    matrices = {
-        which: _without_rounding(_symmetric(matrix)) for which, matrix in projected_terms(assembly, basis).items()
-    }
+    number, projected = projected_terms(assembly, basis)
+    each = (_without_rounding(_symmetric(matrix)) for matrix in projected)
+    matrices: Sequence[Matrix] = in_ranges(each) if ranged else list(each)
     return tuple(
-        ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[id(term.krons)])
-        for term in assembly.terms
+        ReducedTerm(name=term.name, target=term.target, factor=term.factor, matrix=matrices[i])
+        for i, term in zip(number, assembly.terms, strict=True)
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -11,13 +11,13 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-def threaded(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Return a function of every item, in order, each computed by one of as many threads as there are processors.
+def threaded(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+    """Yield a function of every item, in order, each computed by one of as many threads as there are processors.
 
     It pays for what spends its time in products of large matrices.
     """
     with ThreadPoolExecutor(n_processor()) as threads:
-        return list(threads.map(function, items))
+        yield from threads.map(function, items)
 
 
 def n_processor() -> int:

@@ -16,7 +16,7 @@ from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import platformdirs
@@ -248,12 +248,12 @@ def read_arrays(path: Path, origin: Mapping[str, Any]) -> Graph | None:
     """
     longest = 2**16  # bytes of the first line
     try:
-        content = np.fromfile(path, np.uint8)
-        end = int(np.flatnonzero(content[:longest] == ord("\n"))[0]) + 1
-        head = json.loads(content[:end].tobytes())
-        body = content[end:]
-        if (head["kind"], head["made"]) != (_KIND, dict(origin)) or head["crc32"] != _checksum(body):
-            return None
+        with path.open("rb") as file:
+            head = json.loads(file.readline(longest))
+            end = file.tell()
+            if (head["kind"], head["made"]) != (_KIND, dict(origin)) or head["crc32"] != _checksum_of(file):
+                return None
+        body = np.asarray(np.memmap(path, np.uint8, "r", end))  # of which only what is used takes memory
         text = json.loads(body[: head["text"]].tobytes())
         return Graph(nodes=text["nodes"], arrays=list(_arrays(body, head["text"], text["arrays"])))
     except (OSError, ValueError, LookupError, TypeError):
@@ -274,6 +274,14 @@ def _arrays(body: Buffer, start: int, shapes: list[Any]) -> Iterator[NDArray[Any
 def _filled(text: bytes) -> bytes:
     """Return a line of text, filled up so that what follows is aligned."""
     return text + b" " * (-(len(text) + 1) % _ALIGNED) + b"\n"
+
+
+def _checksum_of(file: IO[bytes]) -> str:
+    """Return the `_checksum` of what is left of a file."""
+    total = 0
+    while part := file.read(2**20):
+        total = zlib.crc32(part, total)
+    return f"{total:08x}"
 
 
 def _checksum(body: Buffer) -> str:
@@ -364,7 +372,8 @@ def _forget(where: Path) -> None:
     """Remove all models but those that were used last."""
     files = sorted(where.glob("model_*"), key=lambda file: file.stat().st_mtime, reverse=True)
     for file in files[N_CACHED:]:
-        file.unlink(missing_ok=True)
+        with suppress(OSError):  # Windows removes none that another process has mapped
+            file.unlink(missing_ok=True)
 
 
 def _special(effects: Iterable[Effect]) -> tuple[Special, ...]:

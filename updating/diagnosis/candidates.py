@@ -207,7 +207,8 @@ def candidate_model(
         n_snapshot=N_SNAPSHOT,
         n_mode=N_MODEL,
         local=[effect for effect in possible.values() if effect.n_sampled],
-    ).ranged()
+        ranged=True,
+    )
     return CandidateModel(
         stack=base,
         system=system,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -46,9 +45,23 @@ def gathered(n: int, parts: Iterable[tuple[float, Matrix]]) -> list[Matrix]:
     return [*between.values(), *([summed(n, full)] if full else [])]
 
 
-def parallel(first: Vector, second: Vector) -> bool:
-    """Tell whether two forces differ by a factor only."""
-    return abs(np.vdot(first, second)) > (1.0 - 1e-6) * np.linalg.norm(first) * np.linalg.norm(second)
+def distinct(forces: Mapping[int, Vector], *, same: float = 1e-6) -> list[Vector]:
+    """Return as few forces as have the same sum of squares as those of a coordinate, at its point and elsewhere.
+
+    Those that differ by a factor only from the force at the point, number 0, count once.
+    """
+    first = forces.get(0)
+    kept = [f.ravel() for i, f in forces.items() if i == 0 or first is None or not _parallel(f, first, same)]
+    if len(kept) == 1:
+        return [next(iter(forces.values()))]
+    rows = np.array(kept)
+    square, mixture = la.eigh(rows @ rows.T)
+    shape = next(iter(forces.values())).shape
+    return [row.reshape(shape) for row in mixture[:, square > same**2 * square[-1]].T @ rows]
+
+
+def _parallel(first: Vector, second: Vector, same: float) -> bool:
+    return abs(np.vdot(first, second)) > (1.0 - same) * np.linalg.norm(first) * np.linalg.norm(second)
 
 
 def leading(gram: Vector, energy: Vector, mass: Vector) -> Vector:
@@ -85,10 +98,8 @@ class Responses:
 
     Attributes
     ----------
-    vectors : (n_basis, n) float
-        In coordinates of the whole model.
-    within : (size, n_basis) float
-        Gives their coordinates in the basis.
+    weighed : (size, n) float
+        In the basis, weighed so that their squares are energies.
     of : (n,) str
         The coordinate of which each is a response.
     number : (n,) int
@@ -97,21 +108,16 @@ class Responses:
         Lower Cholesky factor of the matrix that measures energy.
     """
 
-    vectors: Vector
-    within: Vector
+    weighed: Vector
     of: NDArray[np.str_]
     number: NDArray[np.intp]
     energy: Vector
     _grams: dict[tuple[str, int], Vector] = field(default_factory=dict, repr=False)
 
-    @cached_property
-    def _weighed(self) -> Vector:
-        return np.asarray(self.energy.T @ self.within @ self.vectors)
-
     def _gram(self, name: str, n: int) -> Vector:
         """Return the sum of squares of the vectors of a coordinate that belong to the lowest modes, (size, size)."""
         if (name, n) not in self._grams:
-            vectors = self._weighed[:, (self.of == name) & (self.number < n)]
+            vectors = self.weighed[:, (self.of == name) & (self.number < n)]
             self._grams[name, n] = vectors @ vectors.T
         return self._grams[name, n]
 

@@ -333,6 +333,7 @@ class StackModel:
 
         Supports are left out: what is held is held as stiffly at any size.
         """
+        n_kept = 4  # contacts at which all of these are cached, 11 MB each
         contact, key = self._nearby(theta)
         if (name, key) not in self._resized:
             resized_stack: ReducedEquations = self.candidates.resized[name]
@@ -347,6 +348,8 @@ class StackModel:
                 change = np.zeros((self.equations.size, self.equations.size))
                 change[:k, :k] = resized.matrix(target, contact) - base.matrix(target, contact)[:k, :k]
                 derivatives[target] = change / ratio
+            if len(self._resized) >= n_kept * len(self.dimensions):
+                del self._resized[next(iter(self._resized))]
             self._resized[name, key] = derivatives
         return self._resized[name, key]
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -22,9 +23,9 @@ from updating.diagnosis.local_basis import (
     Responses,
     StackScreen,
     Whole,
+    distinct,
     gathered,
     leading,
-    parallel,
     times,
 )
 from updating.inference.protocol import Coordinate, Modal
@@ -45,7 +46,7 @@ class _Part:
     factor: ParameterFactor
     names: frozenset[str]
     needs: frozenset[str]
-    matrix: Vector
+    matrix: Any  # in full; where it is not projected yet, as a term has it
 
 
 class StackNear:
@@ -91,16 +92,17 @@ class StackNear:
         most = max((len(c.starts) for c in idle), default=0)
         return [{**self.first, **{c.name: c.starts[i % len(c.starts)] for c in idle}} for i in range(most)]
 
-    def _stack(self, parts: list[_Part]) -> None:
-        """Set the parts with their matrices in one array for each target."""
-        self.stacked = {t: np.array([p.matrix for p in parts if p.target == t]) for t in "KMC"}
-        self.of_target = {
-            t: [
-                replace(p, matrix=matrix)
-                for p, matrix in zip((p for p in parts if p.target == t), self.stacked[t], strict=True)
-            ]
-            for t in "KMC"
-        }
+    def _stack(self, parts: Iterable[_Part], size: int, small: Callable[[Any], Vector]) -> None:
+        """Set the parts, whose matrices `small` writes in `size` coordinates, in one array for each target."""
+        parts = list(parts)
+        self.stacked, self.of_target = dict[str, Vector](), dict[str, list[_Part]]()
+        for t in "KMC":
+            of_target = [p for p in parts if p.target == t]
+            stacked = np.empty((len(of_target), size, size))
+            for matrix, p in zip(stacked, of_target, strict=True):
+                matrix[:] = small(p.matrix)
+            self.stacked[t] = stacked
+            self.of_target[t] = [replace(p, matrix=m) for p, m in zip(of_target, stacked, strict=True)]
         self.parts = [p for of_target in self.of_target.values() for p in of_target]
         self._moved = {n for t in ENERGIES for p in self.of_target[t] for n in p.names & self.moving}
 
@@ -165,7 +167,7 @@ class StackNear:
             slope = whole.theta(self.first, 0)[1]
             state = c % n_state
             variants = [dict(theta), *(whole.theta(at, state)[0] for at in elsewhere)]
-            force: dict[tuple[str, int], Vector] = {}
+            force: dict[str, dict[int, Vector]] = {}
             for term, names in terms:
                 if term.target == "C":
                     continue
@@ -177,15 +179,17 @@ class StackNear:
                             if image is None:
                                 image = times(term.matrix, low)
                                 image = -image * value[: self.n_equation] if term.target == "M" else image
-                            force[name, i] = force.get((name, i), 0.0) + derivative * image
+                            of_name = force.setdefault(name, {})
+                            of_name[i] = of_name.get(i, 0.0) + derivative * image
             for (name, target), matrices in self._by_place[state].items():
                 image = np.sum([times(matrix, low) for matrix in matrices], axis=0)
                 image = -image * value[: self.n_equation] if target == "M" else image
-                force[name, 0] = force.get((name, 0), 0.0) + image
+                of_name = force.setdefault(name, {})
+                of_name[0] = of_name.get(0, 0.0) + image
             answering = [
                 (name, image, step[name] * slope.get(name, 1.0))
-                for (name, i), image in force.items()
-                if not (i and (name, 0) in force and parallel(image, force[name, 0]))
+                for name, of_name in force.items()
+                for image in distinct(of_name)
             ]
             if c < n_state:
                 answering += [
@@ -206,12 +210,12 @@ class StackNear:
         self.basis = leading(weighed @ weighed.T, reference, first_mass)
         self.size = self.basis.shape[1]
         held = reference.T @ self.basis
+        energy = la.cholesky(held.T @ held, lower=True)
         self._responses: Responses | None = Responses(
-            vectors=vectors,
-            within=self.basis.T @ first_mass,
+            weighed=energy.T @ (self.basis.T @ first_mass) @ vectors,
             of=np.array(of),
             number=np.array(number),
-            energy=la.cholesky(held.T @ held, lower=True),
+            energy=energy,
         )
 
     def _sized(self, name: str, theta: Mapping[str, float], low: Vector, lam: Vector) -> Vector:
@@ -223,19 +227,15 @@ class StackNear:
         self, terms: Sequence[tuple[ReducedTerm, frozenset[str]]], thetas: Sequence[Mapping[str, float]]
     ) -> None:
         """Project the terms: exact ones with factors, locations and dimensions as derivatives at the first point."""
-        projected: dict[int, Vector] = {}
         ranges: dict[int, Vector] = {}  # which many matrices share
 
         def project(matrix: Matrix) -> Vector:
-            if id(matrix) not in projected:
-                if isinstance(matrix, InRange):
-                    if id(matrix.range) not in ranges:
-                        ranges[id(matrix.range)] = matrix.range.T @ self.basis
-                    within = ranges[id(matrix.range)]
-                    projected[id(matrix)] = within.T @ matrix.core @ within
-                else:
-                    projected[id(matrix)] = self.basis.T @ matrix @ self.basis
-            return projected[id(matrix)]
+            if not isinstance(matrix, InRange):
+                return np.asarray(self.basis.T @ matrix @ self.basis)
+            if id(matrix.range) not in ranges:
+                ranges[id(matrix.range)] = matrix.range.T @ self.basis
+            within = ranges[id(matrix.range)]
+            return np.asarray(within.T @ matrix.core @ within)
 
         n = self.size
         neutral = [self.whole.theta(dict.fromkeys(self.names, 0.0), c)[0] for c in range(len(thetas))]
@@ -245,22 +245,23 @@ class StackNear:
         def needed(factor: ParameterFactor, name: str) -> bool:
             return not any(factor({**anywhere, name: at_neutral[name]}) for at_neutral, anywhere in points)
 
-        parts = [
+        parts = (
             _Part(
                 t.target,
                 t.factor,
                 names,
                 frozenset(name for name in names & strengths if needed(t.factor, name)),
-                project(t.matrix),
+                t.matrix,
             )
             for t, names in terms
             if names
-        ]
+        )
+        self._stack(parts, n, project)
         self.linear = {t: np.zeros((len(thetas), len(self.near) + len(self.sized), n, n)) for t in "KM"}
         fixed = {t: np.zeros((len(thetas), n, n)) for t in "KMC"}
         for c, theta in enumerate(thetas):
             for target in "KMC":
-                moving = sum((p.factor(theta) * p.matrix for p in parts if p.target == target), np.zeros((n, n)))
+                moving = np.tensordot([p.factor(theta) for p in self.of_target[target]], self.stacked[target], axes=1)
                 fixed[target][c] = project(self._whole_matrices[c][target]) - moving
             for (name, target), matrices in self._by_place[c].items():
                 self.linear[target][c, self.near.index(name)] = np.sum(list(map(project, matrices)), axis=0)
@@ -274,7 +275,6 @@ class StackNear:
                 fixed["K"][c] += forces @ finer @ forces.T
         self.fixed = fixed
         del self._whole_matrices, self._by_place, self._inertia
-        self._stack(parts)
         self.rows = [measured.rows @ self.basis for measured in self.whole.measured]
         self.slopes = [measured.slope @ self.basis for measured in self.whole.measured]
 
@@ -302,7 +302,7 @@ class StackNear:
                     fixed[p.target][c] += p.factor(theta) * p.matrix
         kept = [i for i, name in enumerate((*self.near, *self.sized)) if name in part.at]
         part.fixed, part.linear = fixed, {t: m[:, kept] for t, m in self.linear.items()}
-        part._stack([p for p in there if p.names & moving])
+        part._stack([p for p in there if p.names & moving], self.size, np.asarray)
         if self._responses is not None:
             part._project(self._responses.basis(coordinates, self.first, part.n_equation))
         return part
@@ -319,7 +319,7 @@ class StackNear:
             acting = np.nonzero(m.any(axis=(2, 3)))
             small[acting] = projected(m[acting])
             self.linear[t] = small
-        self._stack([replace(p, matrix=projected(p.matrix)) for p in self.parts])
+        self._stack(self.parts, basis.shape[1], projected)
         self.basis, self.size = self.basis @ basis, basis.shape[1]
         self.rows = [rows @ basis for rows in self.rows]
         self.slopes = [slope @ basis for slope in self.slopes]
