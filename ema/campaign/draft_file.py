@@ -288,6 +288,8 @@ def _section(section: str, described: list[Contents], missing: list[str]) -> Ite
             said = f"nothing in {described[0].file.name} looks like it"
             if key == "frf" and described[0].guesses:
                 said = f"{described[0].guesses[0]}; name the one that holds FRFs"
+            elif key == "frequency":
+                said += ": of lines in even steps, give axis_step in Hz in its place"
             elif key == "phase_unit":
                 said = f"{next(g for g in described[0].guesses if g.startswith('the phase'))}; say deg or rad"
             missing.append(f"measurement.{section}.{key}: {said}")

@@ -199,7 +199,7 @@ def _frfs(
     `listed`: names of variables in a comment.
     """
     whole = {name: v for name, v in arrays.items() if np.iscomplexobj(v) and v.size > 1}
-    spectra = [n for n in whole if _is_spectrum(n)]
+    spectra = [n for n in whole if _is_spectrum(n)] if not np.any(arrays.get("tfun", 0)) else []
     called = [
         name
         for name in whole
@@ -392,8 +392,10 @@ def _steps(arrays: _Arrays, n_line: int, guesses: list[str]) -> dict[str, float]
             beside = {other: value for other, value in numbers.items() if _START.search(field_of(other))}
             guesses.append(f"the frequencies come in steps of variable {name!r}")
             return {"axis_step": step} | ({"axis_start": next(iter(beside.values()))} if beside else {})
+    of_record = 2.0 * (n_line - 1) in numbers.values()  # how many samples it has: a single frequency is their rate
     for name, rate in numbers.items():
-        if RATE.search(field_of(name)) and rate > 1.0 and n_line > 1:
+        is_rate = RATE.search(field_of(name)) or (of_record and _OF_FREQUENCY.search(field_of(name)))
+        if is_rate and rate > 1.0 and n_line > 1:
             guesses.append(f"the frequencies reach from 0 to half of the sampling rate, variable {name!r}")
             return {"axis_step": float(f"{rate / (2 * (n_line - 1)):.12g}")}
     return {}

@@ -75,6 +75,10 @@ def _is_word(cell: str) -> bool:
     return bool(re.search(r"[^\W\d]{2}", cell))
 
 
+def _has_unit(cell: str) -> bool:
+    return bool(re.search(r"\w ?[\[(].+[\])]$", cell))
+
+
 def rows_of(path: Path) -> tuple[list[str], str] | None:
     """Return the rows of a text file and its encoding; None where it cannot be read as text."""
     try:
@@ -120,6 +124,8 @@ def cut_text(
                 )
                 # an empty row, and a "#" alone, has one empty cell, whatever separates the others
                 header = [titles_of(row, delimiter) for row in rows[:start]]
+                if header and len(words := rows[start - 1].split()) == width and all(map(_has_unit, words)):
+                    header[-1] = words  # titles that are separated otherwise than the numbers
                 return TextTable(
                     encoding=encoding, delimiter=delimiter, decimal=decimal, header=header, n_header=start,
                     heads=heads, value=np.array(value),

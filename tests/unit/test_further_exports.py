@@ -242,3 +242,29 @@ def test_lists_of_points_of_other_programs(tmp_path, head, unit):
     points = draft(tmp_path).points
     assert (None if points is None else points.unit) == unit
     assert points is None or points.node == (1, 2, 3)
+
+
+def test_a_logger_that_says_that_its_spectra_are_transfer_functions(tmp_path):
+    # Cambridge's data logger: "freq" is the sampling rate of "npts" samples
+    content = {"yspec": H, "freq": 2.0 * (len(H) - 1) * 0.75, "npts": 2 * (len(H) - 1), "dt2": [0, 3, 0]}
+    savemat(tmp_path / "a.mat", content | {"tfun": 1})
+    frf = measured(tmp_path, unit=UNIT, input='"1+z"', output=OUTPUT)[1].frf
+    check(frf)
+    np.testing.assert_allclose(frf.frequency, 0.75 * np.arange(len(H)))
+    savemat(tmp_path / "a.mat", content | {"tfun": 0})
+    asked = draft_file(draft(tmp_path)).missing
+    assert any("look like spectra" in said for said in asked)
+    np.save(tmp_path / "a.npy", H)
+    (tmp_path / "a.mat").unlink()
+    assert any("give axis_step in Hz" in said for said in draft_file(draft(tmp_path)).missing)
+
+
+def test_titles_with_units_that_are_separated_otherwise_than_the_numbers(tmp_path):
+    time = np.arange(2000) / 1000.0
+    force = np.where(np.arange(2000) == 20, 100.0, 0.0)
+    rows = "\n".join(f"{t}\t{f}\t{np.sin(300 * t)}" for t, f in zip(time, force, strict=True))
+    (tmp_path / "a.txt").write_text(f"T[s] F[N] A[g]\n{rows}\n")
+    text = draft_file(draft(tmp_path)).text
+    assert 'force_unit = "N"' in text
+    assert 'response_unit = "g"' in text
+    assert "force = 1  # guessed: its title says so" in text

@@ -13,7 +13,9 @@ import pytest
 
 import ema
 from ema.modal.mac import cmif, comac, frac, mac, mcf, modal_scale_factor, mpc, mpd, real_shape
+from ema.quality.explained import ExplainedPower
 from tests.unit.test_read_modes import model
+from updating.commands.ema import modes_table
 
 RNG = np.random.default_rng(0)
 
@@ -170,3 +172,20 @@ def test_table_of_modes_has_the_measures(tmp_path):
     ):  # fmt: skip
         assert float(row[column]) == pytest.approx(value[0], rel=1e-5)
     assert row["too_complex"] == "yes"
+
+
+def test_the_table_of_modes_has_a_column_of_complexity():
+    # the row of all modes had a cell less than the others, which ended `lamella ema`
+    measured = dataclasses.replace(with_shape(np.exp(1j * PHASES)), read_from="")
+    n = measured.frequency.size
+    explained = ExplainedPower(
+        channel=("1+z",),
+        edge=np.arange(n + 1.0),
+        share=np.full((1, n), 0.9),
+        whole=np.array([0.8]),
+        quantity="mobility",
+    )
+    table = modes_table(measured, explained)
+    assert table.header[-1] == "MPC"
+    assert [len(row) for row in table.rows] == [len(table.header)] * (n + 1)
+    assert table.column_class

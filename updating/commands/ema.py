@@ -183,7 +183,8 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
         columns.append("MPC")
         rows = [[*row, f"{mpc:.3f}"] for row, mpc in zip(rows, complexities.mpc, strict=True)]
     if not measured.read_from:
-        rows.append(["all", "", "", "", "", *_explained(explained.mean, explained.whole, explained.channel)])
+        of_all = ["all", "", "", "", "", *_explained(explained.mean, explained.whole, explained.channel)]
+        rows.append([*of_all, *[""] * (len(columns) - len(of_all))])
     return Table(title, columns, rows)
 
 
