@@ -176,8 +176,6 @@ def turned_functions(
 FaultKind = Literal["sign", "scale", "swapped", "unexplained"]
 MIN_CHANNELS = 8
 """Fewer channels in one direction do not tell a smooth shape from a rough one."""
-_LENGTHS = np.geomspace(0.15, 2.0, 7)
-_NOISES = np.geomspace(1e-6, 3e-1, 12)
 _TREND = 10.0
 _AGREEMENT = 0.9
 """Channels with one injected fault agreed with their neighbours to 0.998 once it was undone; where resonances
@@ -369,6 +367,7 @@ def _covariances(
     frf: FRF, geometry: Geometry, channels: NDArray[np.int64]
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return eigenvalues and vectors of the covariance for each length; noise only shifts eigenvalues."""
+    lengths = np.geomspace(0.15, 2.0, 7)
     order = {int(n): i for i, n in enumerate(geometry.node)}
     position = geometry.coordinate[[order[int(n)] for n in frf.output.node[channels]]]
     position = position - position.mean(axis=0)
@@ -378,21 +377,22 @@ def _covariances(
     alike = direction @ direction.T
     square = ((position[:, None] - position[None]) ** 2).sum(axis=2)
     trend = _TREND * (1.0 + position @ position.T)
-    return [np.linalg.eigh(alike * (np.exp(-square / (2 * length**2)) + trend)) for length in _LENGTHS]
+    return [np.linalg.eigh(alike * (np.exp(-square / (2 * length**2)) + trend)) for length in lengths]
 
 
 def _best(covariances: list[tuple[NDArray[np.float64], NDArray[np.float64]]], field: NDArray[np.float64]) -> _Fit:
     """Return the likeliest covariance, its variance being profiled out."""
+    noises = np.geomspace(1e-6, 3e-1, 12)
     n, r = field.shape
     best = (-np.inf, 0, 0.0)
     for k, (values, vectors) in enumerate(covariances):
         power = ((vectors.T @ field) ** 2).sum(axis=1)
-        spectrum = np.maximum(values, 0.0)[:, None] + _NOISES
+        spectrum = np.maximum(values, 0.0)[:, None] + noises
         quadratic = (power[:, None] / spectrum).sum(axis=0)
         value = -0.5 * (n * r * np.log(quadratic / (n * r)) + r * np.log(spectrum).sum(axis=0))
         i = int(np.argmax(value))
         if value[i] > best[0]:
-            best = (float(value[i]), k, float(_NOISES[i]))
+            best = (float(value[i]), k, float(noises[i]))
     values, vectors = covariances[best[1]]
     return _Fit(inverse=(vectors / (np.maximum(values, 0.0) + best[2])) @ vectors.T, value=best[0])
 

@@ -50,7 +50,6 @@ _PRESSURES = (160e3, 320e3)
 _INSIDE = (0.37, 0.81)
 _FORCE = 1e-9  # of the forces that cancel: above it rigid-body motion meets a force
 _STEP = 1e-4  # of a parameter's range, of differences
-_CENTRAL = {-1: -0.5, 1: 0.5}
 _FIVE_POINT = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 
 _LABEL = re.compile(r"[^\WA-Z_][^\n]*[^\s.]")  # begins in lower case, one line, no full stop
@@ -244,6 +243,7 @@ def _derivatives(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator
 
 def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
     """Compare gradients of frequencies and damping ratios by each parameter with differences."""
+    central = {-1: -0.5, 1: 0.5}
     n_mode = 12
     tiny = 1e-6  # of the largest damping ratio: motion without contact has hardly any
     gradient_error = 1e-4  # of the range's effect on the frequency; differences keep some six digits
@@ -267,7 +267,7 @@ def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
         gradient = np.array([found.frequency_gradient, found.damping_gradient])[:, :, columns]
         for j, parameter in enumerate(effect.parameters):
             value, span = values[parameter.name], _span(parameter, values[parameter.name])
-            for step, weights in ((_STEP, _CENTRAL), (wide_step, _FIVE_POINT)):
+            for step, weights in ((_STEP, central), (wide_step, _FIVE_POINT)):
                 near = [modes({**values, parameter.name: value + n * step * span}) for n in weights]
                 moved = [[one.frequency, one.damping] for one in near]
                 slope = np.tensordot(np.array(list(weights.values())) / step, moved, axes=1)

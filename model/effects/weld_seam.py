@@ -26,7 +26,6 @@ from model.effects.parts import shear_spring
 from model.elements.equations import Assembly, Formula, Kron, Term, Theta
 from model.stack.effect import Effect, Parameter
 
-_PLACES = {"bead_shear": (0.0,), "quarter_shear": (-0.25, 0.25)}  # along the stack, of its length
 _SHEAR = "G A of a bead of up to 6 x 6 mm, a third of it for the lamina edge"
 
 
@@ -36,6 +35,7 @@ def _on_side(t: Theta, name: str, side: float) -> Any:
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return beads of G A = 1 N, those of each parameter and side together."""
+    places = {"bead_shear": (0.0,), "quarter_shear": (-0.25, 0.25)}  # along the stack, of its length
     # Of the plan that moves with a bead; over less, its elements decide how it gives way
     grip = (0.06, 0.015)
     stack = assembly.stack
@@ -44,7 +44,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
 
     def beads(name: str, side: float) -> tuple[Kron, ...]:
         y = 0.5 * side * (stack.width - grip[1])
-        centres = [(share * stack.length, y) for share in _PLACES[name]]
+        centres = [(share * stack.length, y) for share in places[name]]
         return tuple(
             kron
             for centre in centres
@@ -59,7 +59,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
             factor=Formula(partial(_on_side, name=name, side=side)),
             krons=beads(name, side),
         )
-        for name in _PLACES
+        for name in places
         for side in (-1.0, 1.0)
     )
 

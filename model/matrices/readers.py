@@ -22,7 +22,6 @@ Labels = tuple[Index, Index]  # nodes and degrees of freedom
 
 _ANSYS = dict(zip(("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), range(1, 7), strict=True))
 _NASTRAN = {"K": ("KAAX", "KGGX", "KAA", "KGG"), "M": ("MAAX", "MGGX", "MAA", "MGG"), "C": ("BAAX", "BAA", "BGG")}
-_FULL = {"K": 1, "M": 2}  # place of a matrix in what ansys-mapdl-reader returns
 
 
 def read_entries(given: str, folder: Path, target: Target, labels: Path | None) -> Entries:
@@ -251,6 +250,7 @@ def _real(word: str) -> float:
 
 def _full(path: Path, target: Target) -> Entries:
     """Read a `.full` file of Ansys through ansys-mapdl-reader, if that is installed."""
+    full = {"K": 1, "M": 2}  # place of a matrix in what ansys-mapdl-reader returns
     try:
         from ansys.mapdl.reader import read_binary  # an extra
     except ImportError:
@@ -260,7 +260,7 @@ def _full(path: Path, target: Target) -> Entries:
         )
     try:
         whole = read_binary(str(path)).load_km(sort=False)
-        label, matrix = np.asarray(whole[0]), sp.coo_matrix(whole[_FULL[target]])
+        label, matrix = np.asarray(whole[0]), sp.coo_matrix(whole[full[target]])
     except (OSError, ValueError, RuntimeError, KeyError, AttributeError) as error:
         refuse(f"{path}: holds no {target} that ansys-mapdl-reader can read ({error})")
     return Entries(

@@ -208,10 +208,6 @@ def _clamp_energy(system: ReducedSystem, x: Vector, where: Regions) -> Vector:
     return found
 
 
-SENSOR_SCATTER = 0.01
-"""Errors of places, directions and calibration of the sensors, relative to a shape's root mean square."""
-
-
 _OMEGA = "omega"  # the parameter of stiffness that depends on frequency, where there is such
 
 
@@ -381,6 +377,8 @@ def _optima(
     modes: NDArray[np.int64],
 ) -> list[_Fields]:
     """Return the optimum of each measured mode in the span of the basis, in which `rows` are the measured DOFs."""
+    # Errors of places, directions and calibration of the sensors, relative to a shape's root mean square
+    sensor_scatter = 0.01
     matrices = _matrices(system, basis, theta)
     found = []
     for r in modes:
@@ -388,7 +386,7 @@ def _optima(
         if _OMEGA in theta:
             matrices = _matrices(system, basis, {**theta, _OMEGA: omega})
         shape = real_shape(measured.shape[:, [r]])[:, 0]
-        std = np.hypot(measured.shape_std[:, r], SENSOR_SCATTER * np.sqrt(np.mean(shape**2)))
+        std = np.hypot(measured.shape_std[:, r], sensor_scatter * np.sqrt(np.mean(shape**2)))
         found.append(_solve(matrices, omega, rows / std[:, None], shape / std))
     return found
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_VIEWS = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
-
 _SCALAR_BAR = {
     "color": "black",
     "n_labels": 3,
@@ -117,6 +115,7 @@ def region_plotter(
     pyvista.Plotter
         Off-screen and not yet rendered; the caller closes it.
     """
+    views = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
     import pyvista as pv
 
     grid: Any = pv.RectilinearGrid(where.x, where.y, where.z)
@@ -124,7 +123,7 @@ def region_plotter(
     with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
         plotter: Any = pv.Plotter(shape=(1, 2), off_screen=True, window_size=list(size), border=False)
     plotter.set_background("white")
-    for column, (view, direction) in enumerate(_VIEWS.items()):
+    for column, (view, direction) in enumerate(views.items()):
         plotter.subplot(0, column)
         plotter.add_mesh(
             grid,

@@ -34,8 +34,6 @@ _SCALE = 1.3
 _WRONG, _RIGHT = 0.2, 0.35
 """Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it where one
 is corrected."""
-_GAINS = np.geomspace(1.0 / 40.0, 40.0, 19)
-"""Factors that are tried on a sensor, and 1 among them; shapes are right within a quarter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,6 +223,8 @@ def upright(checked: RigCheck) -> RigCheck:
 
 def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     """Return the factor on each component that makes the shapes the model's: one but for a sensor that is wrong."""
+    # Factors that are tried on a sensor, and 1 among them; shapes are right within a quarter
+    gains = np.geomspace(1.0 / 40.0, 40.0, 19)
     # Mean distance that a corrected sensor must leave: one side turned makes torsion of bending, and a few modes of a
     # poor model lie as near that way round.
     close = 0.1
@@ -239,7 +239,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     tried = [
         np.where(sensor == k, sign * gain, 1.0)
         for k in range(1 if number == 2 else 0, number)
-        for gain in _GAINS
+        for gain in gains
         for sign in (1.0, -1.0)
     ]
     distance = [min(_distance(measured, gain, one, n_dof)[0] for one in modes) for gain in tried]

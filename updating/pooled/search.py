@@ -32,7 +32,6 @@ LEAST_TREE_SHARE = 0.02
 """Of each of these: no two stacks are built alike, nor two states of one."""
 LOOSE = 3.0
 """Factor on the rise of the evidence at which the fit of one stack ends: still less than what separates terms."""
-_LADDER = np.linspace(-1.2, 1.2, 9)  # of ln G_f, on which each specimen starts
 BEHIND = 8.0
 """Log odds by which a term may fall short of the least promise and is still fitted."""
 
@@ -148,6 +147,7 @@ def fit_terms(base_fit: BaseFit, names: Sequence[str]) -> PooledSearch:
 
 def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[Vector, Setting]:
     """Return the coordinates of the base model from which its fit starts, and what fits share there."""
+    ladder = np.linspace(-1.2, 1.2, 9)  # of ln G_f, on which each specimen starts
     names = [c.name for c in model.nuisances]
     x = np.zeros(len(names))
     tree = Tree(paths=tuple(state.path for state in model.states), shares=TREE_SHARES)
@@ -157,12 +157,12 @@ def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[
         ends = [x + shift * (np.arange(x.size) == names.index("G_f")) for shift in (0.0, -1.0, 1.0)]
         local = model.about(model.nuisances, ends)
         common = replace(setting(model, local, x, shares=TREE_SHARES, priors=priors), tree=tree, loose=LOOSE)
-        cost = np.zeros((len(_LADDER), len(model.specimens)))
-        for i, shift in enumerate(_LADDER):
+        cost = np.zeros((len(ladder), len(model.specimens)))
+        for i, shift in enumerate(ladder):
             errors = errors_at(model, local, common, x + shift * (np.arange(x.size) == names.index("G_f")))
             for s, states in enumerate(model.states_of):
                 cost[i, s] = float(np.mean(np.concatenate([np.minimum(errors[c].frequency ** 2, 0.1) for c in states])))
-        best = _LADDER[np.argmin(cost, axis=0)]
+        best = ladder[np.argmin(cost, axis=0)]
         x[names.index("G_f")] += best.mean()
         for s, specimen in enumerate(model.specimens):
             x[names.index(f"G_f[{specimen.name}]")] = best[s] - best.mean()

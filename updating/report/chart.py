@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, FigureBase
 
 _HEIGHT = 360  # px, where a layout states none
-_MARGIN = {"r": 8, "t": 34}  # px, with room for the tools and a line of a legend above the axes
-
-_INCHES = {"full": 9.0, "half": 6.4}  # width of a figure in print
 
 
 _BARS = 0.8  # of the distance between two categories
@@ -55,9 +52,10 @@ class Chart:
         ValueError
             Plotly does not know a property.
         """
+        margin = {"r": 8, "t": 34}  # px, with room for the tools and a line of a legend above the axes
         import plotly.graph_objects as go
 
-        layout = {"height": _HEIGHT, "legend": legend_above(), "margin": _MARGIN, **self.layout, "template": "none"}
+        layout = {"height": _HEIGHT, "legend": legend_above(), "margin": margin, **self.layout, "template": "none"}
         drawn = json.loads(go.Figure(data=[dict(t) for t in self.traces], layout=layout).to_json())
         return {"data": drawn["data"], "layout": drawn["layout"]}
 
@@ -90,7 +88,8 @@ def charted(
     size, n_colour
         Width and height (in) and colours of what is printed, as in `printed` and `png`.
     """
-    figure = printed(chart, size or (_INCHES[width], chart.layout.get("height", _HEIGHT) / 100.0))
+    inches = {"full": 9.0, "half": 6.4}  # width of a figure in print
+    figure = printed(chart, size or (inches[width], chart.layout.get("height", _HEIGHT) / 100.0))
     return Picture(
         name=name,
         content=svg(figure) if form == "svg" else png(figure, n_colour),

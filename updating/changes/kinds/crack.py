@@ -18,7 +18,6 @@ from updating.changes.candidate import Candidates, Kind, at_heights, crossed, li
 from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part
 
-_LENGTHS = np.array([0.07, 0.14, 0.25, 0.4, 0.6])  # over the root of the plan's area
 _ANGLES = np.pi * np.arange(4) / 4.0
 _STEP = 0.02  # over the root of the plan's area, by which moments are compared across a line
 _MOST = 3.0  # beside edges, and where cracks are long, more opens than in an endless plate
@@ -26,9 +25,10 @@ _MOST = 3.0  # beside edges, and where cracks are long, more opens than in an en
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return cracks of several lengths in four directions."""
+    lengths = np.array([0.07, 0.14, 0.25, 0.4, 0.6])  # over the root of the plan's area
     scale = float(np.sqrt(fields.grid.area.sum()))
     nu, layers = fields.stack.material.poisson, fields.layers
-    length, centre = crossed(scale * _LENGTHS, at)
+    length, centre = crossed(scale * lengths, at)
     n = len(centre)
     found, parts = [], []
     opens = 4.0 / ((3.0 + nu) * (1.0 - nu))

@@ -16,14 +16,13 @@ from updating.changes.candidate import Candidates, Kind, at_heights, bumps, cros
 from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part
 
-_RADII = np.array([0.02, 0.035, 0.06, 0.1, 0.17])
-"""Of holes over the root of the plan's area."""
 _MOST = 2.0  # a hole may be larger than its neighbour in this list is
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return holes of several radii; an amplitude of 1 is all that is within the outline."""
-    radius, centre = crossed(float(np.sqrt(fields.grid.area.sum())) * _RADII, at)
+    radii = np.array([0.02, 0.035, 0.06, 0.1, 0.17])  # over the root of the plan's area
+    radius, centre = crossed(float(np.sqrt(fields.grid.area.sum())) * radii, at)
     share, whole = _share(fields, centre, radius), fields.layers[0]
     return plain(
         at_heights(centre, 0.0),

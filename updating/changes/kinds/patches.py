@@ -23,11 +23,6 @@ from updating.changes.candidate import (
 from updating.changes.fields import Fields, Layer, Vector
 from updating.changes.structure import Part
 
-RADII = np.geomspace(0.05, 0.5, 9)
-"""Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole. They
-are a third apart: of a large change those at twice the size are off by more than assemblies scatter."""
-STRIPES = np.geomspace(0.09, 0.5, 6)
-"""The same across stripes all along the plan, in both directions: an edge, or one side, may be what changed."""
 _FAR = 3.0
 """Largest amplitude: a patch that is all gone takes more from the stiffness than what it held, for strains concentrate
 around it (Eshelby, Proc. R. Soc. A 241, 1957: 1 / (1 - S), S near a half in bending; 3 is a hole's in the plane)."""
@@ -73,10 +68,15 @@ def patches(
 
 def _bells(fields: Fields, at: Vector) -> tuple[Vector, Vector, list[Any]]:
     """Return the smallest sides of patches at locations, their middles, and their weights in each layer alone."""
+    # Radii of patches over the root of the plan's area: smaller ones act as one point does, larger ones as the whole.
+    # They are a third apart: of a large change those at twice the size are off by more than assemblies scatter
+    radii = np.geomspace(0.05, 0.5, 9)
+    # The same across stripes all along the plan, in both directions: an edge, or one side, may be what changed
+    stripes = np.geomspace(0.09, 0.5, 6)
     scale = float(np.sqrt(fields.grid.area.sum()))
-    endless = np.full(len(STRIPES), np.inf)
+    endless = np.full(len(stripes), np.inf)
     sides = scale * np.vstack([
-        np.column_stack([RADII, RADII]), np.column_stack([endless, STRIPES]), np.column_stack([STRIPES, endless]),
+        np.column_stack([radii, radii]), np.column_stack([endless, stripes]), np.column_stack([stripes, endless]),
     ])  # fmt: skip
     radius, centre = crossed(sides, at)
     weight, layers = bumps(fields.grid, centre, radius), fields.layers
