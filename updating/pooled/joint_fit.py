@@ -287,7 +287,7 @@ def _with_modes(model: SpecimensModel, request: FitRequest) -> SpecimensModel:
         return model
     groups = []
     for g, group in enumerate(model.groups):
-        kept = {c: request.kept[i] for i, (_, index, c) in enumerate(model.place) if index == g}
+        kept = {c: request.kept[i] for i, (_, index, c) in enumerate(model.indices) if index == g}
         part = FitRequest(request.names, request.effects, request.settings, tuple(kept[c] for c in range(len(kept))))
         groups.append(replace(group, model=group.model.of_tests(part.of(group.model.tested), group.model.observation)))
     return model.with_groups(groups)

@@ -187,7 +187,7 @@ def _contact(fitted: Fitted, labels: Sequence[str], settings: FitSettings) -> li
         seen = dict[str, tuple[str, ...]]()
         for c, label in enumerate(labels):
             if isinstance(model, SpecimensModel):
-                s, g, here = model.place[c]
+                s, g, here = model.indices[c]
                 specimen, state = model.specimens[s].name, model.groups[g].model.tested[here].assembled
                 parts = [what, f"{what}[{specimen}]", f"{what}[{specimen} {state}]"]
             else:
@@ -340,7 +340,7 @@ def _frequency_errors(errors: Errors, *, paired: bool) -> Vector:
 def _measured_damping(model: StackModel | SpecimensModel, c: int) -> Vector:
     """Return the damping ratios of a configuration; NaN of those that were not measured."""
     if isinstance(model, SpecimensModel):
-        _, g, here = model.place[c]
+        _, g, here = model.indices[c]
         modes = model.groups[g].model.tested[here].modes
     else:
         modes = model.tested[c].modes
@@ -393,7 +393,7 @@ class Contacts:
 
     def of_state(self, c: int) -> ContactState:
         """Return contact by the frequencies and damping ratios of one state alone, all else as in the fit."""
-        _, g, here = self.model.place[c]
+        _, g, here = self.model.indices[c]
         logs, stds = self._alone(c)
         tested = self.model.groups[g].model.tested[here]
         estimates = {
@@ -407,7 +407,7 @@ class Contacts:
 
         One step of least squares from where the explanation stands.
         """
-        s, g, here = self.model.place[c]
+        s, g, here = self.model.indices[c]
         assembled = self.model.groups[g].model.tested[here].assembled
         size, leaf = self.fit.evidence.sizes, self.problem.leaves[c]
         k = leaf.touched.size
@@ -470,7 +470,7 @@ def mode_answers(
     """Return the measured modes of some states beside those of two explanations."""
     answers: list[ModeAnswer] = []
     for c in states:
-        _, g, here = model.place[c]
+        _, g, here = model.indices[c]
         tested, modes = model.groups[g].model.tested[here], model.states[c]
         before, after = base.errors[c], fit.errors[c]
         for r in range(modes.frequency.size):

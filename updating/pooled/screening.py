@@ -233,7 +233,7 @@ class Bordered:
         if not problem.damping.size:
             return
         root = la.cholesky(problem.damping_noise + sizes.damping**2 * problem.damping_discrepancy, lower=True)
-        whose = np.array([model.place[c][0] for c in problem.damping_at])
+        whose = np.array([model.indices[c][0] for c in problem.damping_at])
         value = la.solve_triangular(root, problem.damping, lower=True)
         base = la.solve_triangular(root, problem.damping_jacobian[:, : self.n], lower=True)
         self.constant += float(value @ value)

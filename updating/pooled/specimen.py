@@ -104,7 +104,6 @@ _LOG = logging.getLogger(__name__)
 HEIGHTS_ALIKE = 0.06
 """Relative difference of heights up to which specimens share the model of the middle one; the rest is taken to first
 order, which is wrong by less than 0.1 % of a frequency."""
-_PLACE = 4  # digits, in m, to which shakers sit at the same place
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -246,8 +245,9 @@ def _key(specimen: Specimen) -> str:
     stack: Stack = replace(specimen.stack, name="", height=specimen.stack.width)
     instruments = instruments_of(specimen.tested[0][2])
     x, y, z = instruments.shaker
-    place = (round(x, _PLACE), round(y, _PLACE), z > 0.0)
-    return digest({"stack": stack, "shaker": place, "sensors": len(instruments.sensor)})
+    digits = 4  # in m, to which shakers are at the same location
+    location = (round(x, digits), round(y, digits), z > 0.0)
+    return digest({"stack": stack, "shaker": location, "sensors": len(instruments.sensor)})
 
 
 def height_ratio(specimen: Specimen, model: StackModel) -> float:

@@ -253,14 +253,14 @@ class SpecimensModel:
         self.scatter = dict(scatter)
         names = [specimen.name for specimen in specimens]
         where = sorted((s, g, i) for g, group in enumerate(groups) for i, s in enumerate(group.members))
-        self.place: list[tuple[int, int, int]] = []  # of each state: specimen, group, state there
+        self.indices: list[tuple[int, int, int]] = []  # of each state: specimen, group, state there
         for s, g, i in where:
             first, last = groups[g].first[i : i + 2]
-            self.place += [(s, g, c) for c in range(first, last)]
-        self.states_of = [[c for c, place in enumerate(self.place) if place[0] == s] for s in range(len(names))]
+            self.indices += [(s, g, c) for c in range(first, last)]
+        self.states_of = [[c for c, (of, _, _) in enumerate(self.indices) if of == s] for s in range(len(names))]
         self.states: tuple[State, ...] = tuple(
             replace(groups[g].model.states[c], path=("rig", names[s], groups[g].model.tested[c].name))
-            for s, g, c in self.place
+            for s, g, c in self.indices
         )
         local = {c.name: c for group in reversed(groups) for c in group.model.nuisances}
         self.local = {c.name: c for c in self.first.nuisances} | local
@@ -299,7 +299,7 @@ class SpecimensModel:
 
     def acts(self, name: str, state: int) -> bool:
         """Tell whether a state depends on a coordinate."""
-        scope, (s, g, c) = self._scoped[name][1], self.place[state]
+        scope, (s, g, c) = self._scoped[name][1], self.indices[state]
         what, _, suffix = scope.local.partition("[")
         if s not in scope.members:
             return False
@@ -410,7 +410,7 @@ class SpecimensNear:
     def touched(self, state: int) -> tuple[NDArray[np.intp], list[list[int]]]:
         """Return the coordinates of a state, and where among them each coordinate of its stack's model stands."""
         if state not in self._touched:
-            _, g, _ = self.whole.place[state]
+            _, g, _ = self.whole.indices[state]
             touched = [i for i, name in enumerate(self.names) if self.whole.acts(name, state)]
             index = {c.name: i for i, c in enumerate(self.local[g])}
             of: list[list[int]] = [[] for _ in index]
@@ -428,14 +428,15 @@ class SpecimensNear:
         if self._last[0] != x.tobytes():
             at = dict(zip(self.names, x.tolist(), strict=True))
             each = (
-                self.nears[g].n_equation_at(self.whole.values(at, s, self.local[g]), c) for s, g, c in self.whole.place
+                self.nears[g].n_equation_at(self.whole.values(at, s, self.local[g]), c)
+                for s, g, c in self.whole.indices
             )
             self._last = x.tobytes(), max(each)
         return self._last[1]
 
     def modal(self, x: Vector, state: int) -> Modal:
         """Return the model of a state at coordinates."""
-        s, g, c = self.whole.place[state]
+        s, g, c = self.whole.indices[state]
         touched, of = self.touched(state)
         at = {self.names[i]: float(x[i]) for i in touched}
         modal = self.nears[g].modal(self.whole.values(at, s, self.local[g]), c, n_equation=self._n_equation(x))
