@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     import pyvista
     from matplotlib.figure import Figure
 
-_COLUMNS = 3
-
 
 @html_of.register(ModalModel)
 def modal_model_html(model: ModalModel) -> str:
@@ -38,15 +36,16 @@ def modal_model_html(model: ModalModel) -> str:
 @figure_of.register(ModalModel)
 def modal_model_figure(model: ModalModel) -> Figure:
     """Draw all mode shapes as wireframes of the measured points over their places at rest."""
+    columns = 3
     from matplotlib.figure import Figure
 
     zoom = 1.7  # axes leave much room about a body that is longer than high
 
     n = model.frequency.size
-    n_row = max(1, -(-n // _COLUMNS))
-    figure = Figure(figsize=(3.2 * min(max(n, 1), _COLUMNS), 2.5 * n_row), layout="constrained")
+    n_row = max(1, -(-n // columns))
+    figure = Figure(figsize=(3.2 * min(max(n, 1), columns), 2.5 * n_row), layout="constrained")
     for mode in range(n):
-        axes = figure.add_subplot(n_row, min(n, _COLUMNS), mode + 1, projection="3d")
+        axes = figure.add_subplot(n_row, min(n, columns), mode + 1, projection="3d")
         draw_shape(axes, model, mode)
         axes.set_axis_off()
         axes.set_box_aspect((4.0, 4.0, 3.0), zoom=zoom)

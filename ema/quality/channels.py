@@ -36,7 +36,6 @@ _MOST_OTHERS = 128
 """Channels of which one is compared with the others; of more each group is compared within itself."""
 _BELIEVED = 30.0
 """Rise of the log-likelihood; sound synthetic sets of 44 channels stayed below 26 in 240 of 240 cases."""
-_SIZES = (1e-3, 300.0)
 
 
 def check(measurement: Measurement, band: tuple[float, float] | None = None) -> tuple[Verdict, ...]:
@@ -511,11 +510,12 @@ def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
 
 
 def _units(measurement: Measurement, sound: NDArray[np.int64], *, lines_of_mass: int = 512) -> Iterator[Verdict]:
+    plausible = (1e-3, 300.0)
     masses = (1e-4, 1e6)
     frf = measurement.frf
     several = measurement.geometry.node.size > 1
     size = float(np.ptp(measurement.geometry.coordinate, axis=0).max()) if several else 0.0
-    if several and not _SIZES[0] < size < _SIZES[1]:
+    if several and not plausible[0] < size < plausible[1]:
         text = f"the structure is {size:.3g} m long: check [points] unit"
         yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
     lines = frf.frequency > 0

@@ -26,8 +26,6 @@ from ema.types.arrays import inner_products
 from ema.types.frf import FRF
 from ema.types.geometry import Geometry
 
-_TRIED = 151
-
 
 def negative_share(mobility: NDArray[np.complex128]) -> float:
     """Return the share of the real part of a driving-point mobility that is negative."""
@@ -56,9 +54,10 @@ def delay(
     sound, turned : float
         Shares of negative power below which a delay mends a driving point, and above which a turned sign does.
     """
+    n_tried = 151
     if negative_share(mobility) > turned:
         return None
-    tried = np.linspace(-longest, longest, _TRIED) / frequency[-1]
+    tried = np.linspace(-longest, longest, n_tried) / frequency[-1]
     share = [negative_share(mobility * np.exp(2j * np.pi * frequency * time)) for time in tried]
     best = int(np.argmin(share))
     return float(tried[best]) if share[best] < sound else None
@@ -176,7 +175,6 @@ def turned_functions(
 FaultKind = Literal["sign", "scale", "swapped", "unexplained"]
 MIN_CHANNELS = 8
 """Fewer channels in one direction do not tell a smooth shape from a rough one."""
-_TREND = 10.0
 _AGREEMENT = 0.9
 """Channels with one injected fault agreed with their neighbours to 0.998 once it was undone; where resonances
 shift from run to run, which makes shapes that nobody has, the likeliest fault left less than 0.8."""
@@ -367,6 +365,7 @@ def _covariances(
     frf: FRF, geometry: Geometry, channels: NDArray[np.int64]
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Return eigenvalues and vectors of the covariance for each length; noise only shifts eigenvalues."""
+    trend_size = 10.0
     lengths = np.geomspace(0.15, 2.0, 7)
     order = {int(n): i for i, n in enumerate(geometry.node)}
     position = geometry.coordinate[[order[int(n)] for n in frf.output.node[channels]]]
@@ -376,7 +375,7 @@ def _covariances(
     direction = frf.output.direction[channels]
     alike = direction @ direction.T
     square = ((position[:, None] - position[None]) ** 2).sum(axis=2)
-    trend = _TREND * (1.0 + position @ position.T)
+    trend = trend_size * (1.0 + position @ position.T)
     return [np.linalg.eigh(alike * (np.exp(-square / (2 * length**2)) + trend)) for length in lengths]
 
 

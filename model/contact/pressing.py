@@ -225,8 +225,6 @@ def separate(value: Vector, tolerance: float) -> Separated:
 
 Vector = NDArray[np.float64]
 
-_RIGID = 1e7  # bending stiffness of a rigid plate in the preconditioner, relative to a lamina
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Problem:
@@ -415,6 +413,7 @@ def pressure_distribution(stack: Stack) -> PressureDistribution | None:
 
 
 def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) -> _Problem:
+    rigid_modulus = 1e7  # bending stiffness of a rigid plate in the preconditioner, relative to a lamina
     t = stack.pitch
     bending = t**3 / 12.0 * plate_form(plan, stack.material.plane_stress())
     nu, rigid = PLATE_POISSON, bool(np.isinf(pressing.plate_rigidity))
@@ -425,7 +424,7 @@ def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) ->
     return _Problem(
         bending=bending,
         face_bending=plate,
-        face_ratio=_RIGID if rigid else rigidity / lamina,
+        face_ratio=rigid_modulus if rigid else rigidity / lamina,
         rigid=la.qr(np.column_stack(functions), mode="economic")[0],
         evaluate=plan.at_quadrature("w"),
         area=plan.plate.dx.ravel(),

@@ -48,7 +48,6 @@ HELD = dataclasses.replace(CLAMPED, supports=(EdgeSupport(edge="left", across=np
 _PRESSURES = (160e3, 320e3)
 # Of the range: where derivatives are compared, off round numbers, where laws may have kinks
 _INSIDE = (0.37, 0.81)
-_FORCE = 1e-9  # of the forces that cancel: above it rigid-body motion meets a force
 _STEP = 1e-4  # of a parameter's range, of differences
 _FIVE_POINT = {-2: 1.0 / 12.0, -1: -8.0 / 12.0, 1: 8.0 / 12.0, 2: -1.0 / 12.0}
 
@@ -192,6 +191,7 @@ def _definiteness(effect: Effect, base: Assembly, assembly: Assembly) -> Iterato
 
 
 def _rigid(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
+    least_force = 1e-9  # of the forces that cancel: above it rigid-body motion meets a force
     rigid = rigid_body_modes(assembly, base.stack, dict.fromkeys(FIELDS, np.eye(base.stack.n_lamina)))
     meets = False
     for term in _own(assembly, base):
@@ -199,7 +199,7 @@ def _rigid(effect: Effect, base: Assembly, assembly: Assembly) -> Iterator[str]:
             matrix = _sum(assembly, term)
             force = np.abs(matrix @ rigid).max(axis=0)
             cancelling = (abs(matrix) @ np.abs(rigid)).max(axis=0)
-            turned = np.flatnonzero(force > _FORCE * cancelling)
+            turned = np.flatnonzero(force > least_force * cancelling)
             meets |= turned.size > 0
             if turned.size and not effect.grounded:
                 motion = ("moving along x", "moving along y", "moving along z",

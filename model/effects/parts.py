@@ -29,9 +29,6 @@ Bell = Callable[[Vector, Vector], Vector]
 N_STATION = 11
 """Stations of accelerometers along the stack where no test is known: with four edges the 44 points of the paper."""
 
-_SLOPE = math.tan(math.radians(30.0))
-"""Of the cone in which pressure spreads from what presses (Shigley, Mechanical Engineering Design, bolted joints)."""
-
 
 def clamps_of(assembly: Assembly, effect: str) -> tuple[Clamp, ...]:
     """Return the stack's clamps.
@@ -263,7 +260,9 @@ def clamp_bells(stack: Stack, clamp: Clamp) -> tuple[Bell, Bell]:
     The narrow bell is as wide as the cone of 30 degrees in which pressure spreads down to half the height, the wide
     one as half the clamps' mean spacing: clamps are as stiff as that where they press evenly.
     """
-    cone = [0.5 * (side + _SLOPE * stack.height) / math.sqrt(3.0) for side in clamp.footprint]
+    # Of the cone in which pressure spreads from what presses (Shigley, Mechanical Engineering Design, bolted joints)
+    slope = math.tan(math.radians(30.0))
+    cone = [0.5 * (side + slope * stack.height) / math.sqrt(3.0) for side in clamp.footprint]
     spaced = max(0.5 * stack.length / len(stack.clamps), *cone)
 
     def bell(x: Vector, y: Vector, width: Sequence[float]) -> Vector:

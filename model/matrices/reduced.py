@@ -25,14 +25,8 @@ Vectors = NDArray[np.float64]
 # of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
 _BEYOND = 1.5
 
-_FIRST = 20  # modes that are sought first
-
-_TOLERANCE = 1e-11  # relative, of eigenvalues
 
 _ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
-
-
-_COLUMNS = 64  # right-hand sides at once
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -294,19 +288,22 @@ def _even(matrix: Vectors) -> Vectors:
 
 
 def _solved(factor: CholeskyFactor, load: Vectors) -> Vectors:
-    parts = [factor.solve(load[:, i : i + _COLUMNS]) for i in range(0, load.shape[1], _COLUMNS)]
+    columns = 64  # right-hand sides at once
+    parts = [factor.solve(load[:, i : i + columns]) for i in range(0, load.shape[1], columns)]
     return np.hstack(parts) if parts else np.zeros_like(load)
 
 
 def _modes(mass: Any, factor: CholeskyFactor, shift: float, band_Hz: float) -> tuple[Vectors, Vectors]:
     """Return mass-normalised modes up to beyond the band, (n, k), and their eigenvalues, (k,)."""
+    tolerance = 1e-11  # relative, of eigenvalues
+    first = 20  # modes that are sought first
     limit = (_BEYOND * 2.0 * np.pi * band_Hz) ** 2
     moving = int(np.count_nonzero(mass.diagonal()))
-    n, random = min(_FIRST, moving), np.random.default_rng(0)
+    n, random = min(first, moving), np.random.default_rng(0)
     while True:
         # the mass goes first: only then do rows without mass follow the others
         start = factor.solve(mass @ random.standard_normal((mass.shape[0], n)))
-        value, vector = lowest_modes(factor.solve, lambda x: mass @ x, shift, start, n, _TOLERANCE)
+        value, vector = lowest_modes(factor.solve, lambda x: mass @ x, shift, start, n, tolerance)
         if value[-1] > limit or n == moving:
             break
         n = min(2 * n, moving)
@@ -402,7 +399,6 @@ def _missing_compliance(found: ReducedMatrices, load: Vectors, answer: Vectors, 
 
 _ABOUT = 27  # nodes about a point: the neighbours of one in a mesh of bricks
 
-_LOOKED = 1e-3  # share of a direction along an axis that counts
 
 _SAME = 1e-6  # of the structure's size: a point is on a node
 
@@ -460,6 +456,7 @@ def points_on(
     MatricesError
         A point is far from every node, or there is no node of its number.
     """
+    looked_at = 1e-3  # share of a direction along an axis that counts
     n, number = len(direction), np.asarray(number, dtype=np.int64)
     if not structure.placed:
         missing = number[~np.isin(number, structure.node)]
@@ -473,7 +470,7 @@ def points_on(
     k = min(_ABOUT, np.unique(structure.node).size)
     node, distance = np.zeros((n, k), dtype=np.int64), np.zeros(n)
     weight, slope = np.zeros((n, k)), np.zeros((n, k))
-    looked = np.abs(direction) > _LOOKED
+    looked = np.abs(direction) > looked_at
     for axes in np.unique(looked, axis=0):
         rows = np.flatnonzero(np.all(looked == axes, axis=1))
         moving = _moving(structure, axes)

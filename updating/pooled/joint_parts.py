@@ -351,7 +351,6 @@ _VAGUE = 2.0
 """Prior standard deviation of the logarithm of a parameter at a torque about that of its specimen: so wide that data
 decide, and finite where there are none, such as no damping ratio."""
 _UNDETERMINED = 0.5  # of that, from which on data determine nothing
-_RATIO_UNDETERMINED = np.log(100.0)  # half of an interval of a ratio's logarithm, beyond which nothing is said of it
 
 
 class Contacts:
@@ -441,6 +440,7 @@ class Contacts:
 
 def contrasts_of(model: SpecimensModel, fit: Explanation) -> list[Contrast]:
     """Return the ratios of contact parameters of groups to those of the others, without priors on them."""
+    ratio_undetermined = np.log(100.0)  # half of an interval of a ratio's logarithm, beyond which nothing is said of it
     if not model.first.touching:
         return []
     assert isinstance(fit.problem, TreeProblem)
@@ -455,7 +455,7 @@ def contrasts_of(model: SpecimensModel, fit: Explanation) -> list[Contrast]:
             bordered = Bordered(model, fit.problem, fit.evidence.sizes, fit.x, precision)
             value, std = bordered.free(level.members, names.index(what))
             log = value + float(fit.x[term].sum())
-            if Z95 * std > _RATIO_UNDETERMINED:
+            if Z95 * std > ratio_undetermined:
                 continue
             ratio, lower, upper = np.exp(log + Z95 * std * np.array([0.0, -1.0, 1.0])).tolist()
             contrasts.append(

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 _HEIGHT = 360  # px, where a layout states none
 
 
-_BARS = 0.8  # of the distance between two categories
-
 _MARKERS = {"circle": "o", "square": "s", "diamond": "D", "triangle-up": "^"}
 
 _DASHES = {"dot": ":", "dash": "--"}
@@ -161,6 +159,7 @@ def _at(values: Sequence[Any], places: Mapping[object, int]) -> NDArray[np.float
 def _draw_traces(
     axes: Axes, traces: Sequence[Mapping[str, Any]], across: Mapping[object, int], up: Mapping[object, int]
 ) -> None:
+    bar_share = 0.8  # of the distance between two categories
     bars = [trace for trace in traces if trace["type"] in ("bar", "waterfall")]
     group = {id(trace): trace.get("offsetgroup", str(k)) for k, trace in enumerate(bars)}
     groups = list(dict.fromkeys(group.values()))
@@ -170,7 +169,7 @@ def _draw_traces(
         elif trace["type"] == "scatter":
             _draw_line(axes, trace, _at(trace["x"], across), _at(trace["y"], up))
         else:
-            k, width = groups.index(group[id(trace)]), _BARS / len(groups)
+            k, width = groups.index(group[id(trace)]), bar_share / len(groups)
             places = up if trace.get("orientation") == "h" else across
             _draw_bars(axes, trace, places, (k - 0.5 * (len(groups) - 1)) * width, 0.95 * width)
 

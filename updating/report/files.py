@@ -131,9 +131,6 @@ _WIDE, _HIGH, _EDGE = 13.333, 7.5, 0.5  # in
 _TOP = 1.4  # in, below the title
 
 
-_SHAPES = 3  # pictures of shapes over each other
-
-
 def write_slides(results: Results) -> Path:
     """Write `report.pptx` beside the page and return its path.
 
@@ -189,6 +186,7 @@ def _location(tested: Tested) -> Picture | None:
 
 
 def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> None:
+    most_shapes = 3  # pictures of shapes over each other
     per_slide = 14  # rows of a table
     tables = (identified_table(tested),) if tested.fit is None else pair_tables(tested, tested.fit, added)
     table = tables[0]  # of the model with what was identified, where there is one
@@ -201,10 +199,10 @@ def _configuration(show: Any, tested: Tested, added: Mapping[int, float]) -> Non
         content = as_png(frf_figure(tested, frf, models, beside=True))
         _picture(_slide(show, f"FRFs of {tested.name}"), content, _TOP - 0.2, _HIGH - _TOP - 0.1)
     shapes = [p for p in shape_section(tested).pictures if tested.identified is None or "_found" in p.name]
-    for start in range(0, len(shapes), _SHAPES):
+    for start in range(0, len(shapes), most_shapes):
         slide = _slide(show, f"Mode shapes of {tested.name}")
-        height = (_HIGH - _TOP - _EDGE) / _SHAPES
-        for k, shape in enumerate(shapes[start : start + _SHAPES]):
+        height = (_HIGH - _TOP - _EDGE) / most_shapes
+        for k, shape in enumerate(shapes[start : start + most_shapes]):
             _text(slide, shape.alt, _TOP + k * height, 12)
             _picture(slide, shape.content, _TOP + k * height + 0.35, height - 0.4)
 

@@ -129,9 +129,6 @@ def stored_amplitude(identified: Identified) -> OverAmplitude | None:
     return read_result(identified.folder / AMPLITUDE, OverAmplitude)
 
 
-_MOST = 4  # findings of a configuration that are reported
-
-
 def campaign_findings(results: Sequence[Identified]) -> tuple[str, ...]:
     """Say which files several configurations name, and which statements the modes contradict.
 
@@ -167,6 +164,7 @@ def measurement_findings(results: Sequence[Identified], followed: Collection[str
     followed : collection of str
         Names of those whose force levels the answer rests on, too: that they differ is then no fault.
     """
+    most = 4  # findings of a configuration that are reported
     for finding in campaign_findings(results):
         yield f"In the campaign: {finding}"
     for identified in results:
@@ -176,10 +174,10 @@ def measurement_findings(results: Sequence[Identified], followed: Collection[str
         # these are always given, however many others there are
         by_hand = [finding for finding in findings if BY_HAND in finding]
         findings = (*by_hand, *(finding for finding in findings if finding not in by_hand))
-        for finding in findings[:_MOST]:
+        for finding in findings[:most]:
             yield f"In the measurement of {identified.configuration.name}: {finding}"
-        if len(findings) > _MOST:
-            yield f"{len(findings) - _MOST} more findings are in {identified.folder / 'quality.json'}."
+        if len(findings) > most:
+            yield f"{len(findings) - most} more findings are in {identified.folder / 'quality.json'}."
 
 
 CHANGE = "change.json"

@@ -33,8 +33,6 @@ from updating.virtual.vibration_test import (
 _POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
 
 
-_STEP = 1e-6  # relative, of the derivative that only steers the iteration
-
 _MOST_STEPS = 40
 
 
@@ -63,8 +61,9 @@ class Dynamics:
 
     def slope(self, s: complex) -> NDArray[np.complex128]:
         """Return the derivative of the dynamic stiffness by `s`; a difference would drown in the supports."""
+        step = 1e-6  # relative, of the derivative that only steers the iteration
         total: NDArray[Any] = 2.0 * s * self.steady["M"] + self.steady["C"]
-        h = _STEP * abs(s)
+        h = step * abs(s)
         for target, factor, matrix in self.following:
             ends = [z ** _POWER[target] * factor(z / 1j) for z in (s + h, s - h)]
             total = total + (ends[0] - ends[1]) / (2.0 * h) * matrix

@@ -19,10 +19,8 @@ LOG = logging.getLogger("ema")
 """Where identification says what it does."""
 
 
-_LONGEST = 200  # characters of a message
 PERIOD = "LAMELLA_PROGRESS_SECONDS"
 """Variable of the environment: time between two lines where there is no terminal, s."""
-_PERIOD = 3.0  # s, where it is not set, or not to 0.1 to 3600
 CLOCK = re.compile(r" \(\d+ s\)$")
 """How a line of progress ends."""
 _CONTROL = dict.fromkeys((*range(32), *range(127, 160)), " ")
@@ -56,13 +54,14 @@ def in_lines(now: Callable[[], str], console: Console) -> Iterator[None]:
     console : Console
         Nothing is said beside one that shows it by itself, or that is quiet.
     """
+    period_s = 3.0  # s, where it is not set, or not to 0.1 to 3600
     if console.is_terminal or console.quiet:
         yield
         return
-    began, ended, period = monotonic(), Event(), _PERIOD
+    began, ended, period = monotonic(), Event(), period_s
     with suppress(ValueError):  # work is not refused for a slip in how often it is reported
         given = float(os.environ.get(PERIOD, ""))
-        period = given if 0.1 <= given <= 3600.0 else _PERIOD
+        period = given if 0.1 <= given <= 3600.0 else period_s
 
     def say() -> None:
         while not ended.wait(period):
@@ -86,8 +85,9 @@ class _Sent(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Send a message."""
+        longest = 200  # characters of a message
         with suppress(OSError):  # nobody hears any more
-            self._to.send((record.levelno, record.getMessage()[:_LONGEST]))
+            self._to.send((record.levelno, record.getMessage()[:longest]))
 
 
 @contextmanager

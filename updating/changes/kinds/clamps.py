@@ -13,23 +13,17 @@ from updating.changes.candidate import Candidates, Kind, at_heights, crossed, go
 from updating.changes.fields import Fields, Vector, as_rows
 from updating.changes.structure import Part
 
-_REACH = np.array([0.0, 0.5, 1.0])
-"""Shares of the wide bell in which pressure falls about a clamp, the others being of the narrow one."""
-_RIDES = np.array([np.inf, *np.geomspace(0.5, 3.0, 64)])
-"""Where the clamp's mass then resonates on its footprint, over the band's end: one that presses less rides on a softer
-spring. They are 3 % apart, for what is lightly damped acts sharply within the band."""
-_TOGETHER = np.array([0.1, 0.2, 0.4, 0.7, 1.0])
-"""Share of the contact's stiffness that goes with the whole of the clamp's mass riding so."""
-
 
 def _about_clamps(fields: Fields) -> NDArray[np.float64]:
     """Return slip about each clamp as rows, (n, R, m), all clamps for one reach after the other."""
+    # Shares of the wide bell in which pressure falls about a clamp, the others being of the narrow one
+    reaches = np.array([0.0, 0.5, 1.0])
     key = ("about clamps",)
     if key not in fields.shared:
         slip, area, (x, y) = fields.slip(fields.layers[0]), fields.grid.area, fields.grid.point.T
         bells = [clamp_bells(fields.stack, clamp) for clamp in fields.stack.clamps]
         found = []
-        for reach in _REACH:
+        for reach in reaches:
             for narrow, wide in bells:
                 root = np.sqrt(area * ((1.0 - reach) * narrow(x, y) + reach * wide(x, y)))
                 rows = (root[:, None, None] * slip).reshape(-1, slip.shape[2])
@@ -57,9 +51,14 @@ def at_clamps(
 
     With `rides` its mass may also ride on a spring that is not stiff.
     """
+    # Where the clamp's mass then resonates on its footprint, over the band's end: one that presses less rides on a
+    # softer spring. They are 3 % apart, for what is lightly damped acts sharply within the band
+    resonances = np.array([np.inf, *np.geomspace(0.5, 3.0, 64)])
+    # Share of the contact's stiffness that goes with the whole of the clamp's mass riding so
+    shares_together = np.array([0.1, 0.2, 0.4, 0.7, 1.0])
     clamps = fields.stack.clamps
     rows = _about_clamps(fields)
-    springs, together = (_RIDES, _TOGETHER) if rides else (_RIDES[:1], _TOGETHER[-1:])
+    springs, together = (resonances, shares_together) if rides else (resonances[:1], shares_together[-1:])
     which, spring, share_of = crossed(np.arange(len(rows)), springs, together)
     alone = np.isinf(spring) & (share_of < 1.0)  # the same as with the whole share
     which, spring, share_of = (each[~alone] for each in (which, spring, share_of))

@@ -20,11 +20,11 @@ from updating.changes.structure import Part
 
 _ANGLES = np.pi * np.arange(4) / 4.0
 _STEP = 0.02  # over the root of the plan's area, by which moments are compared across a line
-_MOST = 3.0  # beside edges, and where cracks are long, more opens than in an endless plate
 
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return cracks of several lengths in four directions."""
+    most = 3.0  # beside edges, and where cracks are long, more opens than in an endless plate
     lengths = np.array([0.07, 0.14, 0.25, 0.4, 0.6])  # over the root of the plan's area
     scale = float(np.sqrt(fields.grid.area.sum()))
     nu, layers = fields.stack.material.poisson, fields.layers
@@ -52,7 +52,7 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
         angle=np.tile(np.repeat(_ANGLES, n), len(layers)),
         layer=np.repeat(np.arange(len(layers)), n * m),
         n_cell=len(at),
-        upper=_MOST,
+        upper=most,
     )
 
 

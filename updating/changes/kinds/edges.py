@@ -20,8 +20,6 @@ from updating.changes.structure import Part
 
 Vector = NDArray[np.float64]
 
-_SHARES = np.array([0.08, 0.15, 0.3, 0.6])  # of an edge that gives way
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeldEdge:
@@ -105,6 +103,7 @@ def _given(fields: Fields, name: str, stiffness: float) -> float:
 
 def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
     """Return parts of held edges that hold less (sign -1) or more (1): against turning, moving, or both."""
+    shares = np.array([0.08, 0.15, 0.3, 0.6])  # of an edge that gives way
     n_middle = 30  # along an edge, of parts that give way
     location, size, number, angle = [], [], [], []
     blocks: list[tuple[Vector, sp.csr_array, int, int]] = []
@@ -114,7 +113,7 @@ def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candid
         along = edge.location[:, axis]
         whole = float(np.ptp(along))
         middle = along[0] + (np.arange(n_middle) + 0.5) * whole / n_middle
-        for share in _SHARES:
+        for share in shares:
             inside = np.abs(along[None, :] - middle[:, None]) <= share * whole / 2.0
             weight = sign * inside * edge.weight
             for held in ([edge.turning], [edge.moving], [edge.turning, edge.moving]):

@@ -16,11 +16,10 @@ from updating.changes.candidate import Candidates, Kind, at_heights, bumps, cros
 from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part
 
-_MOST = 2.0  # a hole may be larger than its neighbour in this list is
-
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return holes of several radii; an amplitude of 1 is all that is within the outline."""
+    most = 2.0  # a hole may be larger than its neighbour in this list is
     radii = np.array([0.02, 0.035, 0.06, 0.1, 0.17])  # over the root of the plan's area
     radius, centre = crossed(float(np.sqrt(fields.grid.area.sum())) * radii, at)
     share, whole = _share(fields, centre, radius), fields.layers[0]
@@ -32,7 +31,7 @@ def candidates(fields: Fields, at: Vector) -> Candidates:
         ),
         extra=radius,
         n_cell=len(at),
-        upper=_MOST,
+        upper=most,
     )
 
 

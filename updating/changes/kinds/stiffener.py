@@ -10,7 +10,6 @@ from updating.changes.fields import Fields, Vector
 from updating.changes.structure import Part, Structure
 
 _ANGLES = np.pi * np.arange(8) / 8.0
-_THICK = np.array([0.2, 0.7, 2.5])  # of a strip of the same material, over the structure's thickness
 
 
 def why_not(structure: Structure) -> str | None:
@@ -23,11 +22,12 @@ def why_not(structure: Structure) -> str | None:
 
 def candidates(fields: Fields, at: Vector) -> Candidates:
     """Return strips of the structure's material, their width being the size."""
+    thicknesses = np.array([0.2, 0.7, 2.5])  # of a strip of the same material, over the structure's thickness
     lengths = np.array([0.25, 0.5, 1.0])  # over the root of the plan's area
     scale, h = float(np.sqrt(fields.grid.area.sum())), fields.stack.pitch
     young = fields.theta.get("young", 1.0) * fields.stack.material.young
     rho = fields.theta.get("density", 1.0) * fields.stack.material.density
-    length, thick, centre = crossed(scale * lengths, h * _THICK, at)
+    length, thick, centre = crossed(scale * lengths, h * thicknesses, at)
     n, m = len(centre), len(_ANGLES)
     mass_parts, parts = [], []
     for j, angle in enumerate(_ANGLES):
