@@ -38,6 +38,9 @@ from updating.inference.tree_evidence import tree_evidence
 Vector = NDArray[np.float64]
 
 DAMP = 1e-6  # of steps at first: below what priors add to data
+FORM = 0.05
+"""Relative standard deviation of the strength of a term by its form: what a real joint, or a second model of it, does
+is that of the term with a strength that is right to some per cent (definitional uncertainty; VIM 2.27)."""
 _STUCK = 300.0  # of the damping, relative to the curvature, from which steps are too short to matter
 
 
@@ -86,7 +89,7 @@ class Explanation:
     coordinates : tuple of Coordinate
         All coordinates, those of the base model first, with the priors that they have here.
     x, std : (n_coordinate,) float
-        Estimates and standard deviations, discrepancy integrated out.
+        Estimates and standard deviations, discrepancy integrated out; of terms, what their form leaves open included.
     at_bound : (n_coordinate,) bool
         Which lie on a bound.
     evidence : Evidence
@@ -372,6 +375,7 @@ def converged(
                 break
         problem = _curved(model, here, setting, problem, white, x, coordinates, cost)
         marginal, std = evidence_of(problem, x, coordinates, setting, sizes)
+        std = np.hypot(std, np.where(np.arange(x.size) < len(model.nuisances), 0.0, FORM * x))
         gain = np.inf if best is None else abs(marginal.log - best.log_evidence)
         best = Explanation(
             terms=tuple(term.name for term in terms),
