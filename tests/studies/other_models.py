@@ -41,7 +41,7 @@ RECORD = BLIND / "other_models.jsonl"
 """The cases of the published table."""
 STACKS_RECORD = RECORD.with_name("three_stacks.jsonl")
 """Those of three stacks in turn, with later rules."""
-FIRST_SEED, FIRST_OF_STACKS = 998_000, 782_100
+FIRST_SEED, FIRST_OF_STACKS = 999_000, 782_100
 """Of the published cases; thresholds were set on seeds below 10,000 of the other model."""
 MIXTURE = ("null", "single", "single", "lacking", "pair", "disturbed")
 """Kinds of cases in their turn."""
@@ -274,9 +274,10 @@ def _value(key: str, planted: float) -> float:
 def _covered(of: StackModel, true: Explanation, planted: dict[str, dict[str, float]]) -> tuple[bool, ...]:
     """Return whether 90 % intervals hold the truth; in the coordinates of the fit, in which they are symmetric."""
     number = {c.name: i for i, c in enumerate(true.coordinates)}
+    meant = [TABLE[key].catalogue for key in planted]  # of two that are one term, neither's strength is meant
     hits = []
     for key, values in planted.items():
-        for name, value in values.items() if key in SAME else ():
+        for name, value in values.items() if key in SAME and meant.count(TABLE[key].catalogue) == 1 else ():
             i = number.get(PARAMETER.get(key, {}).get(name, ""))
             if i is not None and not true.at_bound[i]:
                 at = coordinate_of(of.parameters[true.coordinates[i].name], _value(key, value))
@@ -348,6 +349,11 @@ def figures(cases: Sequence[OtherCase]) -> Iterator[Share]:
     yield share("pairs that show: both among the steps", "75 %", [set(c.truth) <= set(c.steps) for c in both])
     yield share("all pairs: one of them leads, or nothing is named", "reported", [not _wrong(c) for c in pairs])
     yield share("90 % intervals of parameters hold the truth", "80 to 97 %", [h for c in seen for h in c.covered])
+    yield share(
+        "the same of all effects and pairs, whether they show or not",
+        "80 to 97 %",
+        [h for c in (*single, *pairs) for h in c.covered],
+    )
     yield share(
         "left-out error after adding what leads is lower, where it shows", "90 %", [_falls(c) < 1.0 for c in seen]
     )
