@@ -9,6 +9,7 @@ import tomllib
 
 import pytest
 
+from ema.types.errors import CampaignError
 from tests.command import ROOT, lamella
 from updating import commands
 from updating.commands.command_line import EXTRAS, app
@@ -96,6 +97,12 @@ for name in {["ema", "fit", "diagnose", "next-test", "update", "pick", "simulate
         raise AssertionError(name + ": nothing was said")
 """
     assert imported(job) & (DRAWING | SERVING | READING | NUMBERS) == set()
+
+
+def test_a_folder_stands_for_the_campaign_in_it(tmp_path):
+    (tmp_path / "campaign.toml").write_text("nothing = 1\n")
+    with pytest.raises(CampaignError, match=r"campaign\.toml: nothing: unknown key"):
+        app(["ema", str(tmp_path), "-o", str(tmp_path / "out")], standalone_mode=False)
 
 
 def test_every_command_that_multiplies_uses_one_thread():

@@ -44,8 +44,20 @@ def _there(path: Path) -> Path:
     return path
 
 
+def _campaign(path: Path) -> Path:
+    """Return the campaign.toml of a folder that has one, and any other path as it is."""
+    inside = _there(path) / "campaign.toml"
+    return inside if inside.is_file() else path
+
+
 CampaignFile = Annotated[
-    Path, typer.Argument(metavar="CAMPAIGN", help="Campaign file (TOML).", show_default=False, callback=_there)
+    Path,
+    typer.Argument(
+        metavar="CAMPAIGN",
+        help="Campaign file (TOML), or the folder of a campaign.toml.",
+        show_default=False,
+        callback=_campaign,
+    ),
 ]
 
 EffectFiles = Annotated[
