@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from updating.fitting.fit import Estimate, ParameterEstimate
-
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the identification begins without the model
     from rich.table import Table as Printed
+
+    from updating.fitting.fit import Estimate, ParameterEstimate
 
 Z95 = 1.96
 """Standard deviations to either side that hold 95 % of a normal distribution."""
