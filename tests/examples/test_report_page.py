@@ -157,11 +157,11 @@ def opened(browser):
 
 
 class Listener(ThreadingHTTPServer):
-    """Keeps the last thing that a page told, and whether it came to its end."""
+    """Keeps the last thing that a page reported, and whether it came to its end."""
 
     def __init__(self):
-        self.told, self.ended = {}, Event()
-        super().__init__(("127.0.0.1", 0), Told)
+        self.reported, self.ended = {}, Event()
+        super().__init__(("127.0.0.1", 0), Reported)
         self.address = f"http://127.0.0.1:{self.server_port}/"
 
     def __enter__(self):
@@ -173,11 +173,11 @@ class Listener(ThreadingHTTPServer):
         return super().__exit__(*stopped)
 
 
-class Told(BaseHTTPRequestHandler):
+class Reported(BaseHTTPRequestHandler):
     def do_POST(self):
-        told = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        self.server.told = max(self.server.told, told, key=len)  # they may overtake each other
-        if "requests" in told:
+        reported = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        self.server.reported = max(self.server.reported, reported, key=len)  # they may overtake each other
+        if "requests" in reported:
             self.server.ended.set()
         self.send_response(204)
         self.end_headers()
@@ -232,8 +232,8 @@ def test_in_a_browser_shapes_turn_tables_sort_and_nothing_is_asked_of_a_network(
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as browser:
             ended = listener.ended.wait(SECONDS)
             browser.terminate()
-        out = listener.told
-    assert ended, f"the page's scripts did not come to their end; they told {out}"
+        out = listener.reported
+    assert ended, f"the page's scripts did not come to their end; they reported {out}"
     assert out["said"] == []
     assert out["requests"] == []
     for what in ("drawn", "moves", "pauses", "turns", "returns", "otherMode", "beside", "anchors", "chosen", "wide"):

@@ -41,7 +41,7 @@ def every_second_run(folder):
 
 
 @pytest.fixture(scope="module", params=["quick", pytest.param("whole", marks=pytest.mark.slow)])
-def told(request, tables_alone, tmp_path_factory):
+def reported(request, tables_alone, tmp_path_factory):
     """What `lamella demo` prints, and its folder: of half of the runs with few effects, or in more time of all."""
     folder, whole = tmp_path_factory.mktemp("story"), catalogue()
     with pytest.MonkeyPatch.context() as patch:
@@ -56,16 +56,16 @@ def told(request, tables_alone, tmp_path_factory):
     return " ".join(done.output.split()), folder
 
 
-def test_every_mode_is_identified_once(told):
+def test_every_mode_is_identified_once(reported):
     """Sensors of 2 g that rove move modes by 0.05 %: one was taken for two."""
     for one in TRUTH["configurations"]:
-        modes = read_result(told[1] / one["name"] / "modal_model.json", ModalModel)
+        modes = read_result(reported[1] / one["name"] / "modal_model.json", ModalModel)
         true = np.array(one["frequency"])[one["visible"]]
         np.testing.assert_allclose(modes.frequency, true, rtol=1e-3)  # with the sensors' mass
 
 
-def test_what_was_planted_is_identified_and_the_error_falls_on_modes_left_out(told):
-    found = read_result(told[1] / "diagnosis.json", Diagnosis)
+def test_what_was_planted_is_identified_and_the_error_falls_on_modes_left_out(reported):
+    found = read_result(reported[1] / "diagnosis.json", Diagnosis)
     assert TRUTH["plan"]["planted"].keys() == {"lost_contact_middle"}
     assert (found.verdict, found.set) == ("identified", (("lost_contact_middle",),))
     assert not set(found.ruled_out) & set(found.not_visible)
@@ -74,25 +74,25 @@ def test_what_was_planted_is_identified_and_the_error_falls_on_modes_left_out(to
     assert after.left_out_error < 0.1 * before.left_out_error
 
 
-def test_its_size_is_that_of_the_pressure_that_is_lost(told):
+def test_its_size_is_that_of_the_pressure_that_is_lost(reported):
     """The planted share is of the largest pressure, the catalogue's of the mean: 18 = 6**2 / 2 is the bell's width."""
     share = TRUTH["plan"]["planted"]["lost_contact_middle"]["loss"]
     bell = np.mean(np.exp(-18.0 * np.linspace(-0.5, 0.5, 10_001) ** 2))
     lost = 1.0 - (1.0 - share) / (1.0 - share * bell)
-    (one,) = read_result(told[1] / "diagnosis.json", Diagnosis).ranked(("lost_contact_middle",)).parameter
+    (one,) = read_result(reported[1] / "diagnosis.json", Diagnosis).ranked(("lost_contact_middle",)).parameter
     assert one.value == pytest.approx(lost, rel=0.03)
 
 
-def test_it_is_told_in_four_steps_with_a_report(told):
-    text, folder = told
+def test_it_is_told_in_four_steps_with_a_report(reported):
+    text, folder = reported
     for step in ("1. Identify: 9 at M1 and 6 at M2", "2. Fit G_f", "3. Diagnose: Identified", "4. Add it"):
         assert step in text
     assert (folder / "report.html").stat().st_size > 10_000
 
 
-def test_the_table_of_each_configuration_shows_the_error_with_what_was_added(told):
-    found = read_result(told[1] / "diagnosis.json", Diagnosis)
-    text = (told[1] / "report.html").read_text(encoding="utf-8")
+def test_the_table_of_each_configuration_shows_the_error_with_what_was_added(reported):
+    found = read_result(reported[1] / "diagnosis.json", Diagnosis)
+    text = (reported[1] / "report.html").read_text(encoding="utf-8")
     tables = re.findall(r"<h4[^>]*>Modes, measured and modelled</h4>(.*?)</table>", text, re.DOTALL)
     shown = [
         float(cell)
@@ -103,9 +103,9 @@ def test_the_table_of_each_configuration_shows_the_error_with_what_was_added(tol
     np.testing.assert_allclose(shown, [100.0 * one.explained for one in found.errors], atol=0.0051)
 
 
-def test_the_fit_with_the_effect_has_the_numbers_of_the_diagnosis(told):
-    found = read_result(told[1] / "diagnosis.json", Diagnosis)
-    entries = read_result(told[1] / "ledger.json", Ledger).entry
+def test_the_fit_with_the_effect_has_the_numbers_of_the_diagnosis(reported):
+    found = read_result(reported[1] / "diagnosis.json", Diagnosis)
+    entries = read_result(reported[1] / "ledger.json", Ledger).entry
     for entry, effects in zip(entries, ((), ("lost_contact_middle",)), strict=True):
         one = found.ranked(effects)
         assert (entry.error, entry.mode_error, entry.damping_error, entry.chi_square) == (

@@ -175,11 +175,11 @@ def test_a_click_on_a_point_shows_its_functions_and_findings(page, folder):
     lines = "document.querySelector('#functions .js-plotly-plot').data.map((t) => t.line?.color).filter(Boolean)"
     assert page.evaluate(lines)[:2] == [palette.MEASURED, palette.MODES]  # as in the report
     about, others = findings(read_results(folder[1]).tested[0], 5)
-    for name, told in (("about", about), ("others", others)):
+    for name, reported in (("about", about), ("others", others)):
         lines = page.locator(f"#{name} li")
-        assert lines.all_text_contents() == [one["text"] for one in told]
-        assert lines.evaluate_all("(all) => all.map((li) => li.title)") == [one["hint"] for one in told]
-        assert all(one["hint"].endswith(".") for one in told)
+        assert lines.all_text_contents() == [one["text"] for one in reported]
+        assert lines.evaluate_all("(all) => all.map((li) => li.title)") == [one["hint"] for one in reported]
+        assert all(one["hint"].endswith(".") for one in reported)
     assert about + others
     (file,) = page.locator("#files li").all_text_contents()
     assert re.fullmatch(r"5\+z: run \d+, .*run_\d+\.uff: data set \d+ \(58b?\)", file)
@@ -276,8 +276,8 @@ def test_sliders_move_the_model(page, folder):
     page.get_by_role("option", name="clamp mass").click()
     page.keyboard.press("Escape")
     page.wait_for_function("document.body.textContent.includes('clamp_added_mass')")
-    told = """document.querySelector(".slider .v-slider-thumb")?.getAttribute("aria-valuetext")"""
-    page.wait_for_function(f"({told} ?? '').endsWith('Pa/Pa')")  # not a step from 0 to 1000
+    reported = """document.querySelector(".slider .v-slider-thumb")?.getAttribute("aria-valuetext")"""
+    page.wait_for_function(f"({reported} ?? '').endsWith('Pa/Pa')")  # not a step from 0 to 1000
 
 
 @pytest.mark.parametrize(

@@ -58,32 +58,32 @@ def test_modes_that_sensors_move_by_many_bandwidths_are_found_once_and_corrected
 
 
 def study(seeds):
-    """What was found in each set: modes missed or double, cause, mass told over that drawn, frequencies off."""
+    """What was found in each set: modes missed or double, cause, mass found over that drawn, frequencies off."""
     for seed in seeds:
         rng = np.random.default_rng([44, seed])
         chain = drawn(rng)
         frf = measured(chain, rng)
         true = chain.modes()[0][:N_SEEN]
-        known, told = identified(chain, frf, chain.mass), identified(chain, frf)
-        apart = np.abs(told.frequency[:, None] / true - 1.0)
-        wrong = np.sum(apart.min(axis=0) > NEAR) + abs(told.frequency.size - N_SEEN)
+        known, reported = identified(chain, frf, chain.mass), identified(chain, frf)
+        apart = np.abs(reported.frequency[:, None] / true - 1.0)
+        wrong = np.sum(apart.min(axis=0) > NEAR) + abs(reported.frequency.size - N_SEEN)
         off = np.abs(known.frequency[:, None] / true - 1.0).min(axis=0)
-        changes = run_changes(told, frf.run, sensors_rove=True)
+        changes = run_changes(reported, frf.run, sensors_rove=True)
         scaled = known.scaled.all() and known.frequency.size == N_SEEN
-        yield int(wrong), changes.cause, told.sensor_mass / chain.mass, off, bool(scaled)
+        yield int(wrong), changes.cause, reported.sensor_mass / chain.mass, off, bool(scaled)
 
 
 @pytest.mark.benchmark
 def test_runs_that_drift(capsys):
     wrong, causes, masses, off, scaled = zip(*study(range(SETS)), strict=True)
     named = np.mean([cause == "sensor mass" for cause in causes])
-    told = np.array(masses)[np.array(masses) > 0.0]
+    reported = np.array(masses)[np.array(masses) > 0.0]
     within = np.array(off) < 5e-4
     with capsys.disabled():
         print(
             f"\n{SETS} sets, {100 * SHIFTS[0]:g} to {100 * SHIFTS[1]:g} %: modes missed or double "
-            f"{sum(wrong) / (SETS * N_SEEN):.3f}, mass named as the cause in {named:.3f}, told in {told.size} sets, "
-            f"within 5 % in {np.mean(np.abs(told - 1.0) < 0.05):.3f} of these; frequencies within 0.05 % "
+            f"{sum(wrong) / (SETS * N_SEEN):.3f}, mass named in {named:.3f}, size in {reported.size} sets, "
+            f"within 5 % in {np.mean(np.abs(reported - 1.0) < 0.05):.3f} of these; frequencies within 0.05 % "
             f"{within.mean():.3f}, where every mode has a scale {within[np.array(scaled)].mean():.3f} "
             f"({np.sum(scaled)} sets)"
         )

@@ -1,4 +1,4 @@
-"""The diagnosis of one test told in other coordinates, numbers and orders is the same diagnosis."""
+"""The diagnosis of one test given in other coordinates, numbers and orders is the same diagnosis."""
 
 import re
 import shutil
@@ -65,7 +65,7 @@ def plain(bench, catalogue, reduced):
 
 
 def turned(modes, sign):
-    """Modes told in a frame whose axes are turned round where `sign` is negative."""
+    """Modes given in a frame whose axes are turned round where `sign` is negative."""
     place = replace(modes.geometry, coordinate=modes.geometry.coordinate * sign)
     force = replace(modes.input, direction=modes.input.direction * sign)
     return replace(modes, geometry=place, direction=modes.direction * sign, input=force)
@@ -124,7 +124,7 @@ def the_same(found, plain):
 @pytest.mark.slow
 @pytest.mark.parametrize("frame", SIGNS)
 def test_axes_may_be_turned_round(bench, catalogue, reduced, plain, frame):
-    """The stack file is told in the same frame; the force and the sensors keep what they measure."""
+    """The stack file is given in the same frame; the force and the sensors keep what they measure."""
     stack, tested = bench
     sign = np.array(SIGNS[frame])
     clamps = tuple(replace(c, x=c.x * sign[0], y=c.y * sign[1]) for c in stack.clamps)

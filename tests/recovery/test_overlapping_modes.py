@@ -1,4 +1,4 @@
-"""Modes whose bandwidths overlap: those that can be told are found, and those that cannot are said to be there."""
+"""Modes whose bandwidths overlap: those that can be separated are found, and others are said to be there."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def test_modes_apart_are_found_beside_those_that_cannot_be_told(seed: int) -> No
     assert np.all(np.abs(model.frequency[one] - APART) < 4.5 * model.frequency_std[one])
     assert model.frequency.size <= APART.size + TOGETHER.size
     assert np.all(model.error < 0.01)
-    told = [v.message for v in check_modes(damped(seed), model) if v.check == "overlap"]
-    assert bool(told) == bool(resonant(model.outside_pole, model.band).any())
-    assert all("has not the phases of a mode" in message for message in told)
+    reported = [v.message for v in check_modes(damped(seed), model) if v.check == "overlap"]
+    assert bool(reported) == bool(resonant(model.outside_pole, model.band).any())
+    assert all("has not the phases of a mode" in message for message in reported)
 
 
 def test_the_modal_overlap_factor_is_bandwidth_over_spacing() -> None:

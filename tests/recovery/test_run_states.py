@@ -29,13 +29,13 @@ def states(measurement):
 
 
 @pytest.mark.parametrize(
-    ("runs", "told"), [(range(11), "12 to 22"), (range(0, 22, 2), "2, 4, 6, 8"), ((3, 7, 8), "4, 8 to 9")]
+    ("runs", "reported"), [(range(11), "12 to 22"), (range(0, 22, 2), "2, 4, 6, 8"), ((3, 7, 8), "4, 8 to 9")]
 )
-def test_runs_of_two_states_are_named_and_refused(runs, told):
+def test_runs_of_two_states_are_named_and_refused(runs, reported):
     mixed = in_other_state(plate(np.random.default_rng([6, 3])), list(runs), 1.2)
     (found,) = states(mixed)
     assert found.level == "fail"
-    assert f"runs {told}" in found.message
+    assert f"runs {reported}" in found.message
     with pytest.raises(MeasurementError, match="two states of the structure"):
         usable(mixed, check(mixed))
 

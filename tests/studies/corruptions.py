@@ -67,7 +67,7 @@ class Case:
         A finding names that something is wrong, or an effect is named with the warning that a wrong statement in the
         stack file does the same; nothing is named and nothing is missing; an error ends the answer, or what is missing
         is unlike anything; or a physical effect is named with confidence, whether or not points that the diagnosis put
-        right are told beside it.
+        right are reported beside it.
     said : str
         The first finding, the error, or the effects.
     """

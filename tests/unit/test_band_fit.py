@@ -147,7 +147,7 @@ def test_of_a_band_full_of_high_lines_the_modes_alone_are_named():
 
 
 def test_a_peak_whose_pole_is_gone_is_listed():
-    """Beside an antiresonance a pole lies off the lines on which its peak stands out, and was not told to be lost."""
+    """Beside an antiresonance a pole lies off the lines on which its peak stands out, and was not reported as lost."""
     pole = 2 * np.pi * np.array([120.0, 400.0, 430.0]) * (1j - np.array([0.002, 0.002, 0.012]))
     s = 2j * np.pi * LINES
     residue = 1j * np.array([[1.0, 1.0, -0.5]])
@@ -171,9 +171,9 @@ def test_a_peak_whose_pole_is_gone_is_listed():
     assert not LINES[peak.first] <= off <= LINES[peak.last]
     three = data.linear_fit(np.append(pole[:2], 2 * np.pi * off * (1j - 0.012)))
     with_it, without = (BandFit(value=frf.value, fit=fit, runs=run_poles(data, fit), left=()) for fit in (three, two))
-    told = [(p.line, why) for p, why in with_lost_peaks(frf, without, with_it, "gone").left]
-    assert (peak.line, "gone") in told
-    assert all(abs(line - peak.line) < 250 for line, _ in told)  # the plateau beside it is its flank
+    reported = [(p.line, why) for p, why in with_lost_peaks(frf, without, with_it, "gone").left]
+    assert (peak.line, "gone") in reported
+    assert all(abs(line - peak.line) < 250 for line, _ in reported)  # the plateau beside it is its flank
     assert with_lost_peaks(frf, with_it, with_it, "gone").left == ()
     assert with_lost_peaks(frf, without, without, "gone").left == ()  # what never had a pole was refused or is noise
 

@@ -1,6 +1,6 @@
 """What configurations state beside what they show: copies, pressures, torques, and the scale of all functions.
 
-Repeats of one condition are compared, and their scatter is told beside what the intervals say.
+Repeats of one condition are compared, and their scatter is reported beside what the intervals say.
 
 References and repeats in a campaign file: what is refused, and what a file without fault gives.
 """

@@ -301,11 +301,11 @@ def test_what_is_left_at_a_point_is_told(given, text):
 
 def test_what_contradicts_the_measurement_comes_first():
     force = ForcePlace(stated=(0.21, 0.02), likely=(-0.21, 0.02), left=0.9, left_likely=0.01, factor=1.0, n_mode=6)
-    told = sentences(diagnosis("nothing missing", rig=(RigCheck(name="M1", sensor=0, reads=1.0, force=force),)))
-    assert told[0].startswith(
+    reported = sentences(diagnosis("nothing missing", rig=(RigCheck(name="M1", sensor=0, reads=1.0, force=force),)))
+    assert reported[0].startswith(
         "First of all: M1: the force does not act where the points file has it, at x = 210, y = 20 mm"
     )
-    assert told[1].startswith("Nothing is missing")
+    assert reported[1].startswith("Nothing is missing")
 
 
 def test_errors_of_the_measurement_come_second():
@@ -419,8 +419,8 @@ def test_a_parameter_at_the_end_of_its_range_makes_its_explanation_doubtful():
 
 def test_a_sensor_that_reads_otherwise_is_told():
     gains = (SensorGain(sensor=2, excess=-0.012, std=0.002), SensorGain(sensor=3, excess=0.004, std=0.002))
-    told = [one for one in sentences(diagnosis("nothing missing", sensor_gains=gains)) if "Sensor" in one]
-    assert told == [
+    reported = [one for one in sentences(diagnosis("nothing missing", sensor_gains=gains)) if "Sensor" in one]
+    assert reported == [
         "Sensor 2 of each run reads 1.2 % lower than sensor 1 (95 %: ± 0.39 %): check its calibration. It is taken "
         "into account."
     ]

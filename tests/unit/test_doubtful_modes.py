@@ -1,4 +1,4 @@
-"""What is doubtful about single modes is told: damping that nothing determines, turned residues, background.
+"""What is doubtful about single modes is reported: damping that nothing determines, turned residues, background.
 
 What a stabilisation chart says of its poles and columns.
 """
@@ -36,9 +36,9 @@ def test_a_clear_peak_is_a_mode_whichever_way_its_residues_are_turned(angle):
     frf = with_turned_mode(angle, 0.06)
     model = identified(frf)
     np.testing.assert_allclose(model.frequency, [80, 190, 250, 330], rtol=2e-3)
-    told = [v.message for v in check_modes(frf, model) if v.check == "phases"]
-    assert len(told) == (angle > 45)
-    assert all("degrees" in text for text in told)
+    reported = [v.message for v in check_modes(frf, model) if v.check == "phases"]
+    assert len(reported) == (angle > 45)
+    assert all("degrees" in text for text in reported)
 
 
 def test_shapes_without_a_common_phase_are_told():

@@ -1,4 +1,4 @@
-"""What a user is told about a measurement."""
+"""What a user reads about a measurement."""
 
 from types import SimpleNamespace
 

@@ -326,8 +326,8 @@ def test_a_resonance_narrower_than_the_lines_is_not_of_another_quantity(damping,
     measurement = bar(damping=damping, modes=modes, frequency=lines, noise=1e-4)
     assert not {f for f in found(measurement) if f[0] == "unit"}
     wrong = replace(measurement.frf.convert("mobility"), quantity="accelerance")
-    told = [v for v in check(replace(measurement, frf=wrong)) if "have the phase of mobility" in v.message]
-    assert [v.level for v in told] == ["fail" if damping > 5e-4 else "warn"]
+    reported = [v for v in check(replace(measurement, frf=wrong)) if "have the phase of mobility" in v.message]
+    assert [v.level for v in reported] == ["fail" if damping > 5e-4 else "warn"]
 
 
 def test_an_impossible_coherence_is_not_used():
@@ -335,8 +335,8 @@ def test_an_impossible_coherence_is_not_used():
     coherence[:, 0, 5] = 2.2
     measurement = bar()
     frf = replace(measurement.frf, coherence=coherence)
-    told = found(replace(measurement, frf=frf))
-    assert told == {("coherence", "warn", (k,)) for k in range(N)}
+    reported = found(replace(measurement, frf=frf))
+    assert reported == {("coherence", "warn", (k,)) for k in range(N)}
 
 
 @pytest.mark.parametrize("samples", [-1.2, 1.2])
@@ -345,9 +345,11 @@ def test_a_driving_point_that_is_late_is_not_of_the_wrong_sign(samples):
     modes = np.array([310.0, 420.0, 480.0])
     measurement = bar(modes=modes)
     late = np.exp(-2j * np.pi * FREQUENCY * samples / (2.56 * FREQUENCY[-1]))
-    told = [v for v in check(changed(measurement, 0, lambda v: v * late)) if v.channel == (0,) and v.level != "pass"]
-    assert ("driving point", "warn") in {(v.check, v.level) for v in told}
-    assert not any("of the wrong sign" in v.message for v in told)
+    reported = [
+        v for v in check(changed(measurement, 0, lambda v: v * late)) if v.channel == (0,) and v.level != "pass"
+    ]
+    assert ("driving point", "warn") in {(v.check, v.level) for v in reported}
+    assert not any("of the wrong sign" in v.message for v in reported)
 
 
 ROOT = Path(__file__).parents[2]
