@@ -22,8 +22,17 @@ from numpy.typing import NDArray
 from ema.io.contents import dofs_in
 from ema.io.files import whole
 from ema.io.measured_function import Kind, MeasuredFunction
-from ema.io.uff58 import DataSet, Record58, cut, data_sets, read_58
-from ema.io.uff_sets import encoded_frfs, geometry_sets, mode_sets, with_axes_along
+from ema.io.uff58 import (
+    DataSet,
+    Record58,
+    cut,
+    data_sets,
+    encoded_frfs,
+    geometry_sets,
+    mode_sets,
+    read_58,
+    with_axes_along,
+)
 from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Quantity
