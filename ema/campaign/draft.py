@@ -33,8 +33,7 @@ from ema.io.uff import (
     read_uff_geometry,
     read_uff_units,
 )
-from ema.io.uff58 import cut
-from ema.io.uff_sets import LABEL_OF_MOTION
+from ema.io.uff58 import LABEL_OF_MOTION, cut
 from ema.io.units import NOT_UNDERSTOOD, parse_unit
 from ema.types.errors import CampaignError, MeasurementError
 
