@@ -218,3 +218,14 @@ def test_the_covariance_of_modal_coordinates_stays_positive_where_a_shape_is_mea
             0
         ]
         assert la.eigvalsh(covariance)[0] > -1e-12
+
+
+@pytest.mark.parametrize(("noise", "factor"), [(0.01, 1.0), (0.05, 3.0)])
+def test_few_sensors_leave_the_scatter_of_shapes_to_the_evidence(monkeypatch, noise, factor):
+    """Modes of the model reach all that ten sensors see: nothing but frequencies tells scatter from a wrong model."""
+    monkeypatch.setattr("tests.unit.test_inference.ROWS", np.eye(N)[::3])
+    states = [measured(*matrices({})[:2], noise=noise, seed=seed, name=name) for seed, name in enumerate("AB")]
+    stated = 0.01 / np.sqrt(len(ROWS))
+    model = Chain([replace(state, shape_std=np.full(N_MEASURED, stated)) for state in states])
+    common, _ = begin(model, shares=(0.9, 0.1), starts=[np.zeros(2)])
+    np.testing.assert_allclose(np.concatenate(common.noise), factor * stated, rtol=0.05)

@@ -193,7 +193,28 @@ def begin(
         robust = explain(model, [], replace(common, apart=strange), x)
         best = max(best, robust, key=lambda f: f.log_evidence)
     common = beside(best.x)
-    return common, explain(model, [], replace(common, apart=best.apart), best.x)
+    best = explain(model, [], replace(common, apart=best.apart), best.x)
+    return _scattered(model, common, best)
+
+
+def _scattered(
+    model: Model, common: Setting, best: Explanation, *, factor: float = 3.0, most: int = 3
+) -> tuple[Setting, Explanation]:
+    """Return setting and base model with the likeliest scatter of shapes, where sensors are too few to show any.
+
+    With no more sensors than equations, modes reach all of a shape and nothing says how rough it is. What the campaign
+    states, or what is usual, is then known to a `factor` (standard deviation of its logarithm), and the evidence
+    decides: without that, shapes that scatter more would pass for a model that is wrong in frequencies as well.
+    """
+    reached = [len(s.shape) <= e.value.shape[1] for s, e in zip(model.states, best.errors, strict=True)]
+    spread = sum(s.shape.size for s in model.states) * math.log(factor)  # of the density of shapes that scatter more
+    for k in range(1, most + 1) if all(reached) else ():
+        wider = replace(common, noise=tuple(factor * noise for noise in common.noise))
+        trial = explain(model, [], replace(wider, apart=best.apart), best.x)
+        if trial.log_evidence - spread - best.log_evidence < 0.5 * (k**2 - (k - 1) ** 2):  # which the prior takes
+            break
+        common, best = wider, trial
+    return common, best
 
 
 def search(
