@@ -445,7 +445,10 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
     residue = split_coefficients(state.coefficient)[0][:, : state.pole.size]
     weight = 2.0 / state.variance
     pull = weight[:, None] * _turned(seen.T[:, None, :], residue)[:, 0]
-    information = _turned_sum(weight[:, None, None] * _turned(gram, residue), residue)
+    if target.even:
+        information = _turned_alike(gram[0], residue, weight)
+    else:
+        information = _turned_sum(weight[:, None, None] * _turned(gram, residue), residue)
     return _Equations(information=information, pull=pull, residue=residue, along=along)
 
 
@@ -472,6 +475,21 @@ def _turned_sum(matrix: NDArray[np.float64], residue: NDArray[np.complex128]) ->
 
     total[0::2] = times(residue.real, first) + times(residue.imag, second)
     total[1::2] = times(residue.real, second) - times(residue.imag, first)
+    return total
+
+
+def _turned_alike(
+    gram: NDArray[np.float64], residue: NDArray[np.complex128], weight: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the weighted sum over functions of a symmetric matrix, the same of all, turned from both sides."""
+    real, imaginary = residue.real, residue.imag
+    rr, ri, ii = (x.T @ (weight[:, None] * y) for x, y in ((real, real), (real, imaginary), (imaginary, imaginary)))
+    first, cross, second = gram[0::2, 0::2], gram[0::2, 1::2], gram[1::2, 1::2]
+    total = np.empty_like(gram)
+    total[0::2, 0::2] = rr * first + ri * cross + ri.T * cross.T + ii * second
+    total[0::2, 1::2] = rr * cross - ri * first + ri.T * second - ii * cross.T
+    total[1::2, 1::2] = rr * second - ri * cross.T - ri.T * cross + ii * first
+    total[1::2, 0::2] = total[0::2, 1::2].T
     return total
 
 
