@@ -135,3 +135,11 @@ def test_what_a_fit_does_not_hold_is_made_anew():
     np.testing.assert_allclose(
         without.left(rows, F, value, "receptance"), held.left(rows, F, value, "receptance"), atol=1e-12
     )
+
+
+def test_the_covariance_of_lines_that_weigh_alike_is_that_of_weights_beside_one() -> None:
+    # one sums the information over functions at once, the other adds a matrix for each
+    value = functions(4, 0.02)
+    alike = linear_fit(F, value, POLE, "receptance")
+    beside = linear_fit(F, value, POLE, "receptance", np.full(value.shape, 1.0 + 1e-12))
+    np.testing.assert_allclose(alike.pole_covariance, beside.pole_covariance, rtol=1e-6)
