@@ -46,7 +46,8 @@ class TextTable:
         """All that the header says over a column."""
         width = self.value.shape[1]
         begin = max((k for k, row in enumerate(self.header) if row[0].startswith(END_OF_HEADER)), default=-1) + 1
-        rows = self.header[begin:]
+        # a row of a header names what it states, "Time: 11:02", and a row of titles what is below it
+        rows = [row for row in self.header[begin:] if not row[0].endswith(":") or row[-1].strip().endswith(":")]
         fits = [row for row in rows if len(row) == width or (len(row) == width + 1 and not row[-1].strip())]
         if not fits:  # a title more than there are numbers in all rows, such as that of a column of comments
             fits = [row for row in rows if len(row) > width and any(map(_is_word, row[:width]))][-1:]

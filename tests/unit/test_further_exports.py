@@ -268,3 +268,13 @@ def test_titles_with_units_that_are_separated_otherwise_than_the_numbers(tmp_pat
     assert 'force_unit = "N"' in text
     assert 'response_unit = "g"' in text
     assert "force = 1  # guessed: its title says so" in text
+
+
+def test_a_header_that_states_a_time_is_no_title_of_the_rows_that_are_counted(tmp_path):
+    # PULSE LabShop: FRFs were taken for time histories whose times are the numbers of the rows
+    head = ["Data Type:\tComplex\t \t ", "X-Axis unit:\tHz\t \t ", "AmplitudeUnit:\t(m/s²)/N\t \t ",
+            "Function:\tFrequency Response\t \t ", "Ref Signal:\thammer\t \t ", "Time:\t \t11:02:07\t "]  # fmt: skip
+    rows = [f"{k + 1}\t {f:.10e}\t {h.real:.8e}\t{h.imag:.8e}" for k, (f, h) in enumerate(zip(F, H[:, 0], strict=True))]
+    (tmp_path / "a.txt").write_text("\n".join([*head, *rows]) + "\n", encoding="latin-1")
+    frf = measured(tmp_path, input='["1+z"]', output='["1+z"]')[1].frf
+    np.testing.assert_allclose(frf.value[0, 0], H[:, 0], rtol=1e-6)
