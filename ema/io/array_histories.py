@@ -234,11 +234,6 @@ def _rate(path: Path, arrays: Mapping[str, ArrayInFile], name: str | float) -> f
     return float(value.flat[0])
 
 
-_FULL = {"int16": 2.0**15, "int32": 2.0**31, "int64": 2.0**63, "uint8": 2.0**7}
-"""Full scale of whole numbers; SciPy gives those of 24 bits as the upper ones of 32."""
-_MIDDLE = 2.0**7  # of whole numbers of 8 bits, which have no sign
-
-
 def read_wav(path: Path, full_scale: tuple[float, ...]) -> tuple[MeasuredFunction, ...]:
     """Read the channels of a sound file as time histories.
 
@@ -281,6 +276,9 @@ def read_wav(path: Path, full_scale: tuple[float, ...]) -> tuple[MeasuredFunctio
 
 def _content(path: Path) -> tuple[float, NDArray[np.float64]]:
     """Return the sampling rate, Hz, and the samples over full scale, (n_sample, n_channel)."""
+    middle_of_bytes = 2.0**7  # of whole numbers of 8 bits, which have no sign
+    # Full scale of whole numbers; SciPy gives those of 24 bits as the upper ones of 32
+    full_scale = {"int16": 2.0**15, "int32": 2.0**31, "int64": 2.0**63, "uint8": 2.0**7}
     from scipy.io import wavfile  # here: few tests come as sound
 
     try:
@@ -289,8 +287,8 @@ def _content(path: Path) -> tuple[float, NDArray[np.float64]]:
             warnings.filterwarnings("ignore", message="Chunk")  # of text beside the samples
             rate, raw = wavfile.read(io.BytesIO(plain_bytes(path)))
         samples: NDArray[Any] = np.atleast_1d(raw)
-        full = _FULL.get(samples.dtype.name, 1.0)
-        middle = _MIDDLE if samples.dtype.name == "uint8" else 0.0
+        full = full_scale.get(samples.dtype.name, 1.0)
+        middle = middle_of_bytes if samples.dtype.name == "uint8" else 0.0
         return float(rate), ((samples.astype(float) - middle) / full).reshape(len(samples), -1)
     except Exception as error:  # SciPy raises what it likes at damaged headers
         message = (

@@ -59,8 +59,6 @@ _FACTORS = {
     "khz": 1e3, "rad/s": 1.0 / (2.0 * np.pi), "ms": 1e-3, "msec": 1e-3, "milli": 1e-3, "µs": 1e-6, "us": 1e-6,
     "micro": 1e-6, "ns": 1e-9, "nano": 1e-9,
 }  # fmt: skip
-_EPOCHS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
-"""Least time since 1970 of these years in ns, us and ms, and its unit in s; in s it is some 1e9."""
 _TITLE_OF_TIME = (
     r"\btime|\bdate|\bzeit|\b[cč]as\b|^t\b|[\[(]s[\])]|\b(milli|micro|nano)(s\b|sec)|\bsec(onds?|s)?\b|elapsed|"
     r"epoch"
@@ -303,12 +301,14 @@ def _spectrum_in(text: TextTable, columns: list[int]) -> str:
 
 def _with_times(path: Path, text: TextTable, axis: int, keys: dict[str, Any], guesses: list[str]) -> Contents:
     """Return the time histories of a table with times."""
+    # Least time since 1970 of these years in ns, us and ms, and its unit in s; in s it is some 1e9
+    epochs = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
     columns = _beside(text, axis)
     if columns != list(range(1, text.value.shape[1])):
         keys["columns"] = [[c + 1] for c in columns]
     time = text.value[:, axis].real
     factor = _axis_factor(text, axis, r"\b[mµun]s\b|msec|milli|micro|nano")
-    factor = next((f for least, f in _EPOCHS if time[0] > least), factor)
+    factor = next((f for least, f in epochs if time[0] > least), factor)
     if factor != 1.0:
         keys["sampling_Hz"] = float(f"{1.0 / _axis_keys(time, factor)['axis_step']:.9g}")
         guesses.append("the times are not in s")

@@ -42,7 +42,6 @@ _OF_MODES = re.compile(
     r"^(f_?n|w_?n|omega_?n?|freqs?|frequenc(y|ies)|.*nat\w*freq\w*|lamb(da|d)s?|poles?|eigen\w*)$", re.IGNORECASE
 )
 _SHAPES = re.compile(r"shape|^phi|^psi|^ms$|^mode|eigenvec", re.IGNORECASE)
-_MOST_MODES = 200
 
 
 def guess_variables(path: Path, *, matlab: bool, beside: Mapping[str, int] = MappingProxyType({})) -> Contents:
@@ -111,9 +110,10 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
 
 def _require_no_modes(path: Path, arrays: _Arrays) -> None:
     """Refuse a file of modes: one number of each mode that is called a frequency or a pole, and shapes of as many."""
+    most_modes = 200
     for name, value in arrays.items():
         n_mode = value.size
-        if not (1 < n_mode == max(value.shape, default=0) <= _MOST_MODES and _OF_MODES.search(field_of(name))):
+        if not (1 < n_mode == max(value.shape, default=0) <= most_modes and _OF_MODES.search(field_of(name))):
             continue
         shapes = [
             other for other, shape in arrays.items()

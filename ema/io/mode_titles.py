@@ -31,14 +31,13 @@ _PARTS = (
     ("real", re.compile(r"\bre(al)?\b|")),
 )
 _OWN = {"frequency_hz", "node"}  # tables that have these titles are as `lamella ema` writes them
-_MOST = 0.3
-"""Damping ratio that no usual mode passes: half of the modes beyond it, or one beyond 1, are in per cent."""
 
 
 def are_percent(damping: Iterable[float]) -> bool:
     """Whether damping ratios must be in per cent: resonances of such ratios are not seen."""
+    most = 0.3  # damping ratio that no usual mode passes: half of the modes beyond it, or one beyond 1, are in per cent
     known = [x for x in damping if x > 0.0]
-    return bool(known) and (max(known) >= 1.0 or float(np.median(known)) > _MOST)
+    return bool(known) and (max(known) >= 1.0 or float(np.median(known)) > most)
 
 
 def of_modes(columns: Columns, decimal: str, notes: list[str]) -> Columns | None:

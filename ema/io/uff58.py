@@ -411,7 +411,6 @@ def _converted(words: list[bytes]) -> NDArray[np.float64] | None:
 
 
 _ALONG = 1e-6  # that unit vectors may be off each other
-_TYPE_OF_MOTION: dict[Quantity, int] = {"receptance": 8, "mobility": 11, "accelerance": 12}
 LABEL_OF_MOTION: dict[Quantity, str] = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
 """Unit of the response whose FRF each is."""
 
@@ -474,6 +473,7 @@ def encoded_frfs(frf: FRF, geometry: Geometry) -> list[bytes]:
     MeasurementError
         The frequency axis is not uniform.
     """
+    type_of_motion = {"receptance": 8, "mobility": 11, "accelerance": 12}
     step = np.diff(frf.frequency)
     if step.size == 0 or np.ptp(step) > 1e-6 * step.mean():
         message = "a universal file is written for a uniform frequency axis only; this one is not"
@@ -493,7 +493,7 @@ def encoded_frfs(frf: FRF, geometry: Geometry) -> list[bytes]:
             }
             ordinate = {
                 "function type": 4,
-                "ordinate numerator specific data type": _TYPE_OF_MOTION[frf.quantity],
+                "ordinate numerator specific data type": type_of_motion[frf.quantity],
                 "ordinate numerator units label": LABEL_OF_MOTION[frf.quantity],
                 "ordinate denominator specific data type": 13,
                 "ordinate denominator units label": "N",

@@ -43,8 +43,6 @@ _UNITS: dict[str, tuple[float, int, int, int]] = {
     **dict.fromkeys(("newton", "newtons"), (1.0, 0, 0, 1)),
     **dict.fromkeys(("pound", "pounds"), (4.4482216152605, 0, 0, 1)),
 }
-_VOLTS = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "Volt": 1.0, "Volts": 1.0, "volts": 1.0}
-"""What sensors give, whose sensitivity makes a motion or a force of it."""
 _FOLDED = {label.casefold(): value for label, value in reversed(_UNITS.items())}
 _SPELLING = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "·": "*", "×": "*", "[": "(", "]": ")"})
 _TOKEN = re.compile(r"([A-Za-z]+)(?:\^?(-?\d+))?|([*/()])|(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)")
@@ -174,14 +172,16 @@ def _product(text: str, position: int, label: str) -> tuple[float, _Exponents, i
 
 def _power(name: str, exponent: str | None, label: str) -> tuple[float, _Exponents]:
     """Return factor and exponents of one unit to a power."""
+    # What sensors give, whose sensitivity makes a motion or a force of it
+    volts = {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "Volt": 1.0, "Volts": 1.0, "volts": 1.0}
     power = int(exponent or 1)
     known = _UNITS.get(name, _FOLDED.get(name.casefold()))
-    if known is None and name not in _VOLTS:
+    if known is None and name not in volts:
         raise _not_understood(label, name)
     if abs(power) > 9:
         raise _not_understood(label, f"{name}{exponent}")
     if known is None:
-        return _VOLTS[name] ** power, (0, 0, 0, power)
+        return volts[name] ** power, (0, 0, 0, power)
     return known[0] ** power, (known[1] * power, known[2] * power, known[3] * power, 0)
 
 

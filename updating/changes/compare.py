@@ -35,18 +35,10 @@ Vector = NDArray[np.float64]
 
 _SIZES = np.geomspace(0.25, 6.0, 9)
 """Sizes of the scatter over its median at which all is weighed."""
-MOST_CELLS = 16
-"""Cells of the coarse grid that are cut in nine, of each kind."""
 LEAST_CELL = 5e-3
 """Probability of a cell, within its kind, from which that is done."""
-STANDS_OUT = 2.0
-"""The same over that of a cell where all are alike: where the location hardly matters a coarse grid is enough."""
-SURE = 0.8
-"""Probability of a direction from which it is said."""
 WITHIN = 12.0
 """Logarithm of the evidence that a kind may lack of the best and may yet gain by the structure's answer to it."""
-MOST_REFINED = 4
-"""Forms of each kind that are weighed with that answer."""
 _COUNTS = 1e-9
 """Share of the largest probability from which a candidate, or a value, counts in an interval: a million of others have
 a thousandth together."""
@@ -165,6 +157,9 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
 
     A kind that explains less than half of what another does is left as it is.
     """
+    most_cells = 16  # of the coarse grid that are cut in nine, of each kind
+    # Least probability of such a cell over that where all are alike: else the location hardly matters
+    stands_out = 2.0
     actions, (location, step) = Actions(at.ours), at.structure.locations()
     error, covariance, _ = conditional(at.joint.value, at.covariance(size, size), at.is_changed)
     root = la.cholesky(covariance, lower=True, check_finite=False)
@@ -181,8 +176,8 @@ def _tried(at: Situation, every: Sequence[Kind], size: float) -> list[_Batch]:
             continue
         cell = scipy.special.logsumexp(log.reshape(-1, len(location)), axis=0)  # all of them for each size
         cell = np.exp(cell - scipy.special.logsumexp(cell))
-        near = np.argsort(-cell)[:MOST_CELLS]
-        near = near[cell[near] > max(LEAST_CELL, STANDS_OUT / len(location))]
+        near = np.argsort(-cell)[:most_cells]
+        near = near[cell[near] > max(LEAST_CELL, stands_out / len(location))]
         found += _closer(batch, near, at.structure.finer(location[near], step), at.structure, actions)
     return found
 
@@ -282,8 +277,9 @@ def _with_answers(structure: Condensed, tried: _Tried, problems: Sequence[tuple[
     A size trades against an amplitude, which to first order may be more than is possible. So forms are taken one after
     the other, the likeliest by then first, and what the likeliest candidate of a form gains is gained by all of it.
     """
+    most_refined = 4  # forms of each kind that are weighed with that answer
     form, log, refined = tried.candidates.form, tried.log.copy(), dict[int, Refined]()
-    for _ in range(MOST_REFINED):
+    for _ in range(most_refined):
         each = scipy.special.logsumexp(log, axis=0)
         mass = np.bincount(form, np.exp(each - each.max()))
         left = mass.copy()
@@ -406,6 +402,7 @@ def _explained(best: _Tried, misfit: Vector, n: int) -> float:
 
 def _kind(at: Situation, tried: _Tried, odds: float, probability: float, misfit: Vector) -> KindOfChange:
     """Return what is known of a kind: where and how large it is."""
+    sure = 0.8  # probability of a direction from which it is said
     candidates, share = tried.candidates, tried.share
     local = tried.kind.local and bool(at.structure.axes)
     each = share.sum(axis=0)
@@ -431,7 +428,7 @@ def _kind(at: Situation, tried: _Tried, odds: float, probability: float, misfit:
         upper=upper,
         extent=float(each @ candidates.size) if sized.size == candidates.n else float("nan"),
         angle=float(candidates.angle[i])
-        if each[candidates.angle == candidates.angle[i]].sum() > SURE
+        if each[candidates.angle == candidates.angle[i]].sum() > sure
         else float("nan"),
         layer=at.structure.layer_name(int(candidates.layer[i])),
         part=at.structure.part_name(tried.kind.name, int(candidates.part[i])),

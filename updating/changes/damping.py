@@ -27,12 +27,8 @@ from updating.results.what_changed import KindOfChange
 
 Vector = NDArray[np.float64]
 
-_SIZES = np.geomspace(0.5, 4.0, 7)
-"""Sizes of the scatter over what is stated."""
 _EFFECTS = np.geomspace(0.05, 20.0, 49)
 """Root mean square shares of damping ratios that are added, over which the prior is even in the logarithm."""
-_LEAST = 0.05
-"""Share of a damping ratio that stays, whatever is taken away."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +118,7 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
     stated : float
         Relative scatter of damping ratios from one assembly to the next.
     """
+    least = 0.05  # share of a damping ratio that stays, whatever is taken away
     known = np.isfinite(at.damping_shift)
     if not known.any():
         return ()
@@ -137,7 +134,7 @@ def damping_changes(at: Situation, stated: float) -> tuple[KindOfChange, ...]:
         size = np.sqrt(np.mean(added**2, axis=1))
         keep = size > 1e-6 * size.max()
         share = kind.sign * _EFFECTS[None, :, None] * (added / np.maximum(size, 1e-300)[:, None])[:, None]
-        predicted = np.log(np.maximum(1.0 + share, _LEAST))
+        predicted = np.log(np.maximum(1.0 + share, least))
         log = np.where(keep[:, None], _log_odds(shift - predicted, shift, (stated, noise, n)), -np.inf)
         found.append((kind, candidates, size, log))
     odds = np.array([float(scipy.special.logsumexp(log) - np.log(log.size)) for *_, log in found])
@@ -159,9 +156,10 @@ def _added(at: Situation, candidates: Candidates) -> Vector:
 
 def _log_odds(left: Vector, shift: Vector, scatter: tuple[float, Vector, int]) -> Vector:
     """Return the logarithm of the likelihood over that of no change, sizes of the scatter integrated out."""
+    sizes = np.geomspace(0.5, 4.0, 7)  # of the scatter over what is stated
     stated, noise, n = scatter
     total, none = [], []
-    for size in _SIZES:
+    for size in sizes:
         variance = (size * stated) ** 2 * (1.0 + 1.0 / n) + noise**2
         prior = -0.5 * (np.log(size) / SCATTER_SPREAD) ** 2 - 0.5 * float(np.sum(np.log(variance)))
         total.append(prior - 0.5 * np.sum(left**2 / variance, axis=-1))

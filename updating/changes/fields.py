@@ -27,17 +27,8 @@ from updating.changes.structure import Answers, StatedTerm, Tied
 Vector = NDArray[np.float64]
 P = ParamSpec("P")
 
-N_POINT = 2000
-"""Points of the grid on one lamina: 1/45 of a square's side apart, where the highest modes of a test have a tenth of a
-wavelength."""
-N_POINT_STACK = 700
-"""The same on a stack, whose laminas need several rows at each."""
 N_LOCATION = 220
 """Locations at which a kind is tried on one lamina; on a stack, where most have a height as well, half as many."""
-_NEAR = 0.1  # over the root of the plan's area: mass that lies within belongs to a location
-_ABOUT = np.array([-1.0, 0.0, 1.0])
-_SMALLEST = 0.1  # of the root of the plan's area: half the side of the square over which forces are tried
-_OUTSIDE = 1e-6  # of the plan's size: a grid point that is farther from the outline is none
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -149,16 +140,21 @@ class Grid:
 
 def grid_of(system: ReducedSystem) -> Grid:
     """Return the grid over the plan of a structure."""
+    outside = 1e-6  # of the plan's size: a grid point that is farther from the outline is none
+    # Points of the grid on one lamina: 1/45 of a square's side apart, where the highest modes of a test have a tenth
+    # of a wavelength
+    n_point = 2000
+    n_point_stack = 700  # on a stack, whose laminas need several rows at each
     plan = system.assembly.plan
     (x0, x1), (y0, y1) = plan.bounds
-    n = N_POINT if system.stack.n_lamina == 1 else N_POINT_STACK
+    n = n_point if system.stack.n_lamina == 1 else n_point_stack
     step = float(np.sqrt((x1 - x0) * (y1 - y0) / n))
     x, y = (np.linspace(low, high, max(9, round((high - low) / step) + 1)) for low, high in ((x0, x1), (y0, y1)))
     inside = np.ones((x.size, y.size), dtype=bool)
     if system.stack.outline is not None:
         location = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         away = np.linalg.norm(plan.nearest(location) - location, axis=1)
-        inside = (away < _OUTSIDE * max(x1 - x0, y1 - y0)).reshape(inside.shape)
+        inside = (away < outside * max(x1 - x0, y1 - y0)).reshape(inside.shape)
     return Grid(x=x, y=y, inside=inside)
 
 
@@ -316,11 +312,13 @@ class Fields:
 
         A single plate bends sharply at a point, what is thick does not.
         """
+        smallest = 0.1  # of the root of the plan's area: half the side of the square over which forces are tried
+        offsets = np.array([-1.0, 0.0, 1.0])
         if self.stack.n_lamina > 1:
             return None
         assembly, plan = self.system.assembly, self.system.assembly.plan
-        half = max(half, _SMALLEST * float(np.sqrt(self.grid.area.sum())))
-        where, about = assembly.slices(), [value + half * _ABOUT for value in location[:2]]
+        half = max(half, smallest * float(np.sqrt(self.grid.area.sum())))
+        where, about = assembly.slices(), [value + half * offsets for value in location[:2]]
         at = plan.nearest(np.stack(np.meshgrid(*about, indexing="ij"), axis=-1).reshape(-1, 2))
         force = []
         for field in FIELDS:
@@ -405,8 +403,9 @@ class Fields:
     @cached_property
     def removable(self) -> float:
         """Largest mass that may go at one location, kg: a clamp, and what lies near."""
+        nearby = 0.1  # over the root of the plan's area: mass that lies within belongs to a location
         clamps = max((clamp.mass for clamp in self.stack.clamps), default=0.0)
-        return float(np.pi * _NEAR**2 * self.mass + clamps)
+        return float(np.pi * nearby**2 * self.mass + clamps)
 
     @kept
     def strain(self, layer: Layer) -> Vector:

@@ -26,8 +26,6 @@ from updating.inference.protocol import Modal, State
 
 Vector = NDArray[np.float64]
 
-_LEAST = 0.1  # of a shape's noise that is independent, whatever is estimated to be common
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorErrors:
@@ -194,6 +192,7 @@ def _noise(
     gain: float,
 ) -> Vector:
     """Return the covariance of all errors by what is wrong with shapes and frequencies, (N, N)."""
+    least = 0.1  # of a shape's noise that is independent, whatever is estimated to be common
     maps, blocks, gains = [], [], []
     for state, modal, error, n in zip(states, modals, errors, noise, strict=True):
         gap = _gap(state, modal)
@@ -208,7 +207,7 @@ def _noise(
         towards = towards * (length[:, None, None] * gap[:, :, None])  # from a shape to equation errors
         at_random = np.einsum("rmi,rki->rmk", towards, towards) * n[:, None, None] ** 2
         shared = (sensors.gain_common**2 + sensors.gain_state**2) / len(state.shape) + sensors.rough_common**2
-        share = np.maximum(1.0 - shared / n**2, _LEAST)
+        share = np.maximum(1.0 - shared / n**2, least)
         blocks += list(error.noise - at_random + share[:, None, None] * at_random)
         maps.append(towards)
         gains.append(towards * state.shape.T[:, None, :])

@@ -25,10 +25,6 @@ Vector = NDArray[np.float64]
 
 N_LOCATION = 220
 """Nodes at which a kind is tried first; more where there are no more than these."""
-_PART = 1 / 3  # of the distance between these, to which they are then separated
-_NEAR = 0.1  # of the structure's size: mass that lies within belongs to a location
-_THIN = 0.05  # of the largest extent, below which an axis says nothing of a location
-_HOLDS = 1e-6  # of the energy that a rigid motion would cost, were no entry to cancel another
 
 
 def motions(structure: MatrixStructure, locations: ObservedPoints) -> sp.csr_array:
@@ -124,19 +120,21 @@ class Nodes:
     @cached_property
     def removable(self) -> float:
         """Largest mass that may go at one location, kg: of what lies near."""
+        nearby = 0.1  # of the structure's size: mass that lies within belongs to a location
         extent = np.sort(np.ptp(self.location, axis=0))[:0:-1]
         size = float(np.sqrt(extent[0] * extent[1])) or float(extent[0])
-        near = scipy.spatial.KDTree(self.location).query_ball_point(self.locations()[0], _NEAR * size)
+        near = scipy.spatial.KDTree(self.location).query_ball_point(self.locations()[0], nearby * size)
         return float(min(max(self._weight[indices].sum() for indices in near), 0.5 * self.mass))
 
     @cached_property
     def axes(self) -> tuple[str, ...]:
         """Axes along which a location is said, those of the map being the longest two; none without locations."""
+        thin = 0.05  # of the largest extent, below which an axis says nothing of a location
         if not self.whole.placed:
             return ()
         extent = np.ptp(self.location, axis=0)
         order = np.argsort(-extent, kind="stable")
-        found = sorted(order[:2].tolist()) + [int(i) for i in order[2:] if extent[i] > _THIN * extent.max()]
+        found = sorted(order[:2].tolist()) + [int(i) for i in order[2:] if extent[i] > thin * extent.max()]
         return tuple(DIRECTIONS[i] for i in found)
 
     @property
@@ -176,11 +174,12 @@ class Nodes:
 
     def finer(self, centre: Vector, step: Vector) -> Vector:
         """Return locations of nodes, closer to each other, of those to which one of some is the nearest."""
+        part = 1 / 3  # of the distance between these, to which they are then separated
         every, _ = self.locations()
         chosen = scipy.spatial.KDTree(every).query(centre)[1]
         within = np.isin(scipy.spatial.KDTree(every).query(self.location)[1], chosen)
         node = np.flatnonzero(within)
-        return self.location[node if not step.any() else self._middles(node, _PART * float(step.max()))]
+        return self.location[node if not step.any() else self._middles(node, part * float(step.max()))]
 
     def located(self, location: Vector) -> Vector:
         """Return locations, (n, 3), as they are."""
@@ -276,6 +275,7 @@ class Nodes:
     @property
     def grounded(self) -> list[Part]:
         """Stiffness of each stated term that holds the structure to the ground: rigid motions cost energy."""
+        holds_least = 1e-6  # of the energy that a rigid motion would cost, were no entry to cancel another
         motion = rigid_motion(self.whole.location, self.whole.dof)
         motion = motion if self.whole.placed else motion[:, :3]
         holds = set()
@@ -284,7 +284,7 @@ class Nodes:
                 continue
             cost = np.einsum("ij,ij->j", motion, term.matrix @ motion)
             most = np.einsum("ij,ij->j", np.abs(motion), abs(term.matrix) @ np.abs(motion))
-            if np.any(cost > _HOLDS * most):
+            if np.any(cost > holds_least * most):
                 holds.add(term.factor)
         found = [term for term in self.stated if term.name in holds and term.there]
         return [part for term in found for part in term.parts if part.target == "K"]

@@ -35,16 +35,9 @@ MOUNTING = 0.1
 """Relative standard deviation, from one mounting to the next, of what holds an edge against moving and against turning:
 10 % of it moves the modes of a held plate by some 0.4 %, as a plate did that was clamped anew."""
 
-TIGHTENING = 0.03
-"""The same of the contact under one clamp whose bolt is tightened to the same torque again; between bolts friction
-makes it 17 to 23 % (VDI 2230), which the reference has as well."""
 
 TEMPERATURE = 2e-3
 """The same of the stiffness of everything: 5 K."""
-
-STILL = 1e-3
-"""Motion of a mode at the sensors, over the median of all modes, below which a single plate moves in its plane, which
-no change couples to its bending."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -122,7 +115,10 @@ class StackReference:
     @property
     def still(self) -> float:
         """Motion below which no change shows a mode: only a single plate moves in its plane."""
-        return STILL if self.candidates.stack.n_lamina == 1 else 0.0
+        # Motion of a mode at the sensors, over the median of all modes, below which a single plate moves in its
+        # plane, which no change couples to its bending
+        still = 1e-3
+        return still if self.candidates.stack.n_lamina == 1 else 0.0
 
     def beside(self, changed: Sequence[Campaigned]) -> Beside:
         """Put a changed state beside it."""
@@ -149,11 +145,14 @@ class StackReference:
 
     def scattered(self, structure: Fields) -> list[tuple[Part, float]]:
         """Return what is a little different in each assembly: temperature, held edges, contact, each bolt."""
+        # Relative standard deviation of the contact under one clamp whose bolt is tightened to the same torque again;
+        # between bolts friction makes it 17 to 23 % (VDI 2230), which the reference has as well
+        tightening = 0.03
         found: list[tuple[Part, float]] = [(whole_laminas(structure), TEMPERATURE)]
         found += [(part, MOUNTING) for part in edges(structure)]
         if structure.stack.n_lamina > 1:
             found.append((whole_contact(structure), self.model.scatter.stiffness))
-            found += [(part, TIGHTENING) for part in under_clamps(structure)]
+            found += [(part, tightening) for part in under_clamps(structure)]
         return found
 
 

@@ -26,9 +26,6 @@ EFFECTS = 0.01 * np.array([0.2, 0.6, 2.0, 6.0, 20.0])
 logarithm: 0.1 to 10 % of a frequency. It is the same for all kinds: none gains by a range that somebody chose."""
 
 
-_NOTHING = 1e-9  # of the largest effect: a candidate that does less does nothing
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Measured:
     """Modal coordinates of the measured modes of the changed state, all its repeats one after the other.
@@ -144,10 +141,11 @@ def weigh(
     effects : (n,)
         Changes of eigenvalues that are the scales of the half-normal prior.
     """
+    nothing = 1e-9  # of the largest effect: a candidate that does less does nothing
     white = la.solve_triangular(root, np.column_stack([error, action.T]), lower=True, check_finite=False)
     e, j = white[:, 0], white[:, 1:]
-    none = effect < _NOTHING * np.max(effect, initial=1e-300)  # such as a line beyond the outline
-    information = np.where(none, _NOTHING, np.sum(j**2, axis=0))
+    none = effect < nothing * np.max(effect, initial=1e-300)  # such as a line beyond the outline
+    information = np.where(none, nothing, np.sum(j**2, axis=0))
     pull = np.where(none, 0.0, -(e @ j))
     scale = effects[:, None] / np.where(none, 1.0, effect)  # (n_scale, n_candidate)
     precision = information + scale**-2.0

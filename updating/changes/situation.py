@@ -48,12 +48,6 @@ TWIN = 0.7
 SAME = 0.6
 """The same of two states from which a mode of one is a mode of the other."""
 
-NEARBY = 0.3
-"""Relative difference of eigenvalues within which a mode that the reference does not have may be what shows."""
-
-FEWEST = 3
-"""Modes of a state and of its reference, below which nothing is compared with a model."""
-
 
 class Situation:
     """A state and its reference in the equations of one model.
@@ -180,11 +174,12 @@ class Situation:
 
 def _require_modes(states: Sequence[State]) -> None:
     """Refuse states that have too few modes in common with the model or with the reference."""
+    fewest = 3  # modes of a state and of its reference, below which nothing is compared with a model
     for state in states:
-        if state.frequency.size < FEWEST:
+        if state.frequency.size < fewest:
             message = (
                 f"{state.name}: {state.frequency.size} of its modes are ones of the model and of the reference, and "
-                f"what changed takes {FEWEST}; check points, directions and signs, and that all are of one structure"
+                f"what changed takes {fewest}; check points, directions and signs, and that all are of one structure"
             )
             raise FitError(message)
 
@@ -203,13 +198,15 @@ def _known(
     at the sensors below which nothing does, such as of a single plate in its plane; `roving` is as `joint_errors` takes
     it.
     """
+    # Relative difference of eigenvalues within which a mode that the reference does not have may be what shows
+    nearby = 0.3
     states, modals = [state for state, _ in pairs], [modal for _, modal in pairs]
     joint = joint_errors(states, modals, *roving)
     shorter = False
     for c in range(n_reference, len(states)):
         error = joint.errors[c]
         alike = [np.abs(error.weight @ other.weight.T) for other in joint.errors[:n_reference]]
-        near = np.abs(error.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < NEARBY
+        near = np.abs(error.eigenvalue[:, None] / np.maximum(modals[c].eigenvalue, 1e-300) - 1.0) < nearby
         taken = np.max([np.abs(other.weight).max(axis=0) for other in joint.errors[:n_reference]], axis=0) > SAME
         unseen = np.any(near & (_motion(modals[c]) >= still) & ~taken, axis=1)
         keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
