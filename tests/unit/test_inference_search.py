@@ -11,6 +11,7 @@ from updating.inference.descent import raced
 from updating.inference.discrepancy import SizePrior
 from updating.inference.explain import coordinates_of, errors_at, explain, setting, step_within
 from updating.inference.left_out import LeftOut, left_out
+from updating.inference.levels import NAMED
 from updating.inference.protocol import Coordinate, Term
 from updating.inference.robust_start import robust_start
 from updating.inference.search import Prediction, begin, better, search
@@ -90,6 +91,17 @@ def test_what_acts_alike_is_not_told_apart():
     assert [found.odds(x) for x in decision.left] == sorted((found.odds(x) for x in decision.left), reverse=True)
     assert decision.verdict == "one of"
     assert {x.terms for x in decision.left} == {("spot",), ("twin",)}
+
+
+def test_what_is_hardly_more_probable_than_nothing_stays_beside_what_is_hardly_named():
+    found = searched(0.4, (TERM, TWIN))
+    fits = {name: found.fitted[frozenset({name})] for name in ("spot", "twin")}
+    gain = {name: fit.log_evidence - found.base.log_evidence for name, fit in fits.items()}
+    priors = {"spot": NAMED + 1.0 - gain["spot"], "twin": NAMED - 1.0 - gain["twin"]}
+    left = decide(replace(found, priors=priors, chosen=fits["spot"])).left
+    assert [x.terms for x in left] == [("spot",), ("twin",)]
+    priors["twin"] = -1.0 - gain["twin"]
+    assert [x.terms for x in decide(replace(found, priors=priors, chosen=fits["spot"])).left] == [("spot",)]
 
 
 def test_what_was_found_first_is_dropped_where_it_is_not_needed_any_more():

@@ -9,7 +9,7 @@ from typing import Literal
 import scipy
 
 from updating.inference.explain import Explanation, too_large
-from updating.inference.levels import NAMED, PULLED, SEPARATE
+from updating.inference.levels import PULLED, SEPARATE
 from updating.inference.search import Search
 
 _USUAL = 25  # coordinates of the base model of one stack
@@ -48,10 +48,11 @@ def decide(search: Search) -> Decision:
     """Give the verdict on a search.
 
     The explanation that `search` chose is named: each of its steps is clearly more probable and predicts better.
-    Explanations with as many terms or fewer remain beside it if they are nearly as probable and predict better than the
-    base model, and so does something unlisted. Nothing is missing where the base model has a usual discrepancy, no
-    nuisance is far from its prior, and no term was refused for something unlisted. An explanation is whole where the
-    discrepancy beside it is usual, no nuisance is far, and nothing unlisted is clearly more probable beside it.
+    Explanations with as many terms or fewer remain beside it if they are nearly as probable, and more so than the base
+    model, and predict better than that, and so does something unlisted. Nothing is missing where the base model has a
+    usual discrepancy, no nuisance is far from its prior, and no term was refused for something unlisted. An explanation
+    is whole where the discrepancy beside it is usual, no nuisance is far, and nothing unlisted is clearly more probable
+    beside it.
     """
     chosen = search.chosen
     large = too_large(chosen, search.setting.priors)
@@ -102,8 +103,7 @@ def _left(search: Search) -> tuple[Explanation, ...]:
         for f in search.fitted.values()
         if f is not chosen
         and 0 < len(f.terms) <= len(chosen.terms)
-        and search.odds(f) > NAMED
-        and search.odds(chosen) - search.odds(f) < SEPARATE
+        and search.odds(f) > max(0.0, search.odds(chosen) - SEPARATE)
         and search.helps(f, base)
         and not set(f.terms) < set(chosen.terms)
     ]
