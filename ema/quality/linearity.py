@@ -104,7 +104,7 @@ def check_linearity(
         "outputs"
         if not rows.size
         else "force DOFs"
-        if not _same(frf.input, other.input)
+        if _keys(frf.input) != _keys(other.input)
         else "frequency lines"
         if frf.frequency.shape != other.frequency.shape or not np.allclose(frf.frequency, other.frequency)
         else None
@@ -215,7 +215,3 @@ def _common(first: FRF, second: FRF) -> tuple[NDArray[np.int64], NDArray[np.int6
     pairs = [(c, place[key]) for c, key in enumerate(_keys(first.output)) if key in place]
     rows, its = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
     return rows, its
-
-
-def _same(first: Dofs, second: Dofs) -> bool:
-    return _keys(first) == _keys(second)

@@ -298,7 +298,8 @@ def _preconditioner(system: ReducedSystem, theta: Mapping[str, float], smooth: F
 def _rough_part(system: ReducedSystem, theta: Mapping[str, float]) -> Callable[[Vector], Vector]:
     """Return an approximation of (K + shift M)^-1 for what is orthogonal to the through-thickness functions."""
     full, shift = system.laminas, shear_shift(system.stack, theta)
-    shifted = (*full.krons("K", theta), *_scaled(full.krons("M", theta), shift))
+    inertia = (dataclasses.replace(k, z=shift * k.z) for k in full.krons("M", theta))
+    shifted = (*full.krons("K", theta), *inertia)
     rough = {field: _Rough.of(full, field, shifted) for field in FIELDS}
 
     def apply(r: Vector) -> Vector:
@@ -313,10 +314,6 @@ def _rough_part(system: ReducedSystem, theta: Mapping[str, float]) -> Callable[[
         return y
 
     return apply
-
-
-def _scaled(krons: tuple[Kron, ...], factor: float) -> tuple[Kron, ...]:
-    return tuple(Kron(row=k.row, column=k.column, z=factor * k.z, planar=k.planar) for k in krons)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -139,7 +139,7 @@ def concluded(
     odds = np.array([results.odds(fit) for fit in order])
     probability = np.exp(odds - odds.max())
     probability /= probability.sum()
-    judged = [_judged(fit) for fit in order]
+    judged = [_Judged(fit=fit, specimen=left_out(fit, "specimen"), state=left_out(fit, "state")) for fit in order]
     by_fit = {id(item.fit): item for item in judged}
     off = [far_off(model, fit) for fit in (results.base, first)]
     kept = {c.name for c in off[1]}
@@ -172,10 +172,6 @@ def concluded(
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))
-
-
-def _judged(fit: Explanation) -> _Judged:
-    return _Judged(fit=fit, specimen=left_out(fit, "specimen"), state=left_out(fit, "state"))
 
 
 def _ranked(model: SpecimensModel, results: Search, judged: _Judged, probability: float) -> PooledRanked:

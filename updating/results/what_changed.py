@@ -231,12 +231,9 @@ def separation(what_changed: WhatChanged) -> np.ndarray[tuple[int, ...], np.dtyp
     It is that of a uniform density over a third of a cell of the map, to which the likeliest cells are divided.
     """
     at, cell = [AXES.index(name) for name in what_changed.axes[:2]], np.zeros(3)
-    cell[at] = [_step(line) for line in (what_changed.x, what_changed.y)][: len(at)]
+    steps = [line[1] - line[0] if line.size > 1 else 0.0 for line in (what_changed.x, what_changed.y)]
+    cell[at] = steps[: len(at)]
     return cell / (3.0 * np.sqrt(12.0))
-
-
-def _step(line: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:
-    return float(line[1] - line[0]) if line.size > 1 else 0.0
 
 
 def _mm(value: float) -> str:

@@ -51,12 +51,9 @@ def _share(fields: Fields, centre: Vector, radius: Vector) -> sp.csr_array:
 
     A disc's mean square distance from its middle is half the square of its radius, a bell's the square of its own.
     """
-    wide = np.maximum(radius / np.sqrt(2.0), 1.5 * _step(fields))
+    step = max(float(line[1] - line[0]) for line in (fields.grid.x, fields.grid.y))
+    wide = np.maximum(radius / np.sqrt(2.0), 1.5 * step)
     return sp.csr_array(bumps(fields.grid, centre, wide).multiply((radius / wide)[:, None] ** 2))
-
-
-def _step(fields: Fields) -> float:
-    return float(max(fields.grid.x[1] - fields.grid.x[0], fields.grid.y[1] - fields.grid.y[0]))
 
 
 def _diameter(candidates: Candidates, found: Vector) -> Vector:
