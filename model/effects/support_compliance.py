@@ -24,12 +24,12 @@ from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
 from model.stack.parts import EdgeSupport
 
-RIGID = {"edge_translation": 1e13, "edge_rotation": 1e7}  # as the stack file says
+RIGID_EDGE = {"edge_translation": 1e13, "edge_rotation": 1e7}  # as the stack file says
 
 
 def _softening(t: Theta, name: str, stiffness: float) -> Any:
     """Return the factor by which the compliance beside a stiffness, of which it is a share, takes from it."""
-    return 1.0 / (1.0 + stiffness * (1.0 / t[name] - 1.0 / RIGID[name])) - 1.0
+    return 1.0 / (1.0 + stiffness * (1.0 / t[name] - 1.0 / RIGID_EDGE[name])) - 1.0
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
@@ -59,8 +59,8 @@ EFFECT = Effect(
             unit="N/m per m",
             nominal=1e8,
             lower=10.0,
-            upper=RIGID["edge_translation"],
-            neutral=RIGID["edge_translation"],
+            upper=RIGID_EDGE["edge_translation"],
+            neutral=RIGID_EDGE["edge_translation"],
             scale="log",
             sampled=True,
             n_start=3,
@@ -71,8 +71,8 @@ EFFECT = Effect(
             unit="N m/rad per m",
             nominal=1e4,
             lower=0.1,
-            upper=RIGID["edge_rotation"],
-            neutral=RIGID["edge_rotation"],
+            upper=RIGID_EDGE["edge_rotation"],
+            neutral=RIGID_EDGE["edge_rotation"],
             scale="log",
             sampled=True,
             n_start=3,

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.effects.support_compliance import RIGID
+from model.effects.support_compliance import RIGID_EDGE
 from model.elements.mesh import Derivative, Field
 from model.elements.terms import held_motions
 from model.stack.parts import EdgeSupport
@@ -98,7 +98,7 @@ def _given(fields: Fields, name: str, stiffness: float) -> float:
     """Return by which factor the fitted compliance leaves a stiffness (see `model.effects.support_compliance`)."""
     if name not in fields.theta:
         return 1.0
-    return float(1.0 / (1.0 + stiffness * (1.0 / fields.theta[name] - 1.0 / RIGID[name])))
+    return float(1.0 / (1.0 + stiffness * (1.0 / fields.theta[name] - 1.0 / RIGID_EDGE[name])))
 
 
 def on_edges(fields: Fields, at: Vector, *, sign: float, upper: float) -> Candidates:  # noqa: ARG001
