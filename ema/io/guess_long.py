@@ -12,8 +12,7 @@ import numpy as np
 
 from ema.io.contents import Code, Contents, dof_of_cells, polar_units, unit_in, volts_in
 from ema.io.guess_table import OF_INPUT, functions_of
-from ema.io.rows import cells_of, number
-from ema.io.text_table import DELIMITERS, FEWEST_ROWS, TextTable, rows_of, titles_of
+from ema.io.rows import DELIMITERS, FEWEST_ROWS, TextTable, cells_of, number, rows_of, titles_of
 
 _OF_DOF = re.compile(r"point|node|\bdof|punkt|\bdir|\baxis|resp|\bout|\bref|\bexc|\binp|forc|sensor", re.IGNORECASE)
 _CELL = re.compile(

@@ -26,8 +26,17 @@ from ema.io.contents import (
 )
 from ema.io.guess_parts import LONGEST_SAMPLE
 from ema.io.measured_function import is_uneven, rate_of_rounded
-from ema.io.rows import SEPARATORS, encoding_of, unpacked
-from ema.io.text_table import DELIMITERS, FEWEST_ROWS, TextTable, cut_text, is_number, numbers_of
+from ema.io.rows import (
+    DELIMITERS,
+    FEWEST_ROWS,
+    SEPARATORS,
+    TextTable,
+    cut_text,
+    encoding_of,
+    is_number,
+    numbers_of,
+    unpacked,
+)
 
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (
