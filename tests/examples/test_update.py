@@ -58,11 +58,11 @@ def test_the_error_falls_on_data_used_and_held_out(done):
     assert [c.used.tolist().count(False) for c in fit.configuration] == [0, 1]
     assert law.error < base.error
     assert max(law.mode_error, base.mode_error) < 1e-3
-    assert base.strained  # without the law, contact is pulled apart from torque to torque
-    assert not law.strained
+    assert base.pulled  # without the law, contact is pulled apart from torque to torque
+    assert not law.pulled
     assert law.chi_square < base.chi_square
-    assert "the contact stiffness G_f would have to be" in base.strained[0]  # else the base model meets nothing
-    assert not law.strained
+    assert "the contact stiffness G_f would have to be" in base.pulled[0]  # else the base model meets nothing
+    assert not law.pulled
 
 
 def test_what_is_written_is_what_was_found(done):

@@ -389,7 +389,7 @@ def test_what_falls_is_said_and_nothing_else_is_said_to_fall(before, after, said
 def test_what_would_have_to_be_far_off_is_said_in_words(name, value, std, text):
     one = Pulled(name=name, value=value, std=std)
     assert pulled_text([one]) == [text]
-    assert f"Beware: {text}" in sentences(diagnosis("nothing missing", strained=(one,)))
+    assert f"Beware: {text}" in sentences(diagnosis("nothing missing", pulled=(one,)))
     assert f"Without it, {text}" in sentences(diagnosis("identified", STINGER, relieved=(one,)))
 
 
@@ -530,7 +530,7 @@ def test_an_interval_says_what_must_be_said_of_it():
 
 def test_two_torques_that_differ_are_one_difference():
     each = Pulled(name="G_f[M1]", value=-0.13, std=0.03), Pulled(name="G_f[M2]", value=0.13, std=0.03)
-    said = sentences(diagnosis("nothing missing", strained=each))
+    said = sentences(diagnosis("nothing missing", pulled=each))
     assert (
         "Beware: the contact stiffness G_f would have to be 30 % higher at M2 than at M1, beyond what their pressures "
         "do; reassembly and torque explain 4.3 %."

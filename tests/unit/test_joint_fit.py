@@ -133,8 +133,8 @@ def test_planted_values_of_one_stack_are_found_and_lie_in_their_intervals(of_one
     assert [e.effects for e in found.ledger] == [(), ("clamp_mass",), ("pressure_exponent",), tuple(EFFECTS)]
     base, *_, both = found.ledger
     assert both.chi_square < 0.5 * base.chi_square
-    assert base.strained  # without effects, only what is known of the stack could meet the data
-    assert not both.strained
+    assert base.pulled  # without effects, only what is known of the stack could meet the data
+    assert not both.pulled
     assert all(np.all(c.mac > 0.99) for c in found.fit.configuration)
     std = np.sqrt(np.diag(found.fit.covariance))
     assert std == pytest.approx([p.std for p in found.fit.parameter], rel=1e-6)
@@ -201,7 +201,7 @@ def test_each_configuration_can_have_its_own_contact(one):
     found = fitted([one], ["clamp_mass"], scope={"G_f": "configuration", "d_f": "configuration"})
     law = parameter(found, "G_f", "M2").value / parameter(found, "G_f", "M1").value
     assert law == pytest.approx(2.0 ** (EXPONENT - 1.0), rel=0.02)
-    assert not found.ledger[-1].strained
+    assert not found.ledger[-1].pulled
 
 
 @pytest.mark.slow

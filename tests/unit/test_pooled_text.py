@@ -86,7 +86,7 @@ def answer(verdict="identified", ranking=None, left=1, contrasts=()):
         not_visible=("temperature",),
         impossible={},
         relieved=(),
-        strained=(),
+        pulled=(),
         sentences=(),
     )
     return replace(found, sentences=sentences(found))

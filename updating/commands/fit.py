@@ -266,7 +266,7 @@ def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = 
                 cells(e, "error", "damping_error"),
                 cells(e, "mode_error", "mode_damping_error"),
                 cells(e, "configuration_error", "configuration_damping_error"),
-                "\n".join([*(interval_text(p) for p in e.shared), *e.strained]),
+                "\n".join([*(interval_text(p) for p in e.shared), *e.pulled]),
             )
             for e in entries
         ],

@@ -233,7 +233,7 @@ class Ranked:
         states, or m, by the names that `Moved` has.
     modelled : mapping of str to (n,) float
         Natural frequencies of the elastic modes of its model, Hz, by state, to somewhat above the band.
-    strained : tuple of Pulled
+    pulled : tuple of Pulled
         What is known of the stack or of the measurement and would have to be far off.
     """
 
@@ -253,7 +253,7 @@ class Ranked:
     discrepancy: Sizes
     nuisance: Mapping[str, float] = field(default_factory=dict)
     modelled: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
-    strained: tuple[Pulled, ...] = ()
+    pulled: tuple[Pulled, ...] = ()
 
     def error(self, kind: Telling) -> float:
         """Return the mean relative error of frequencies or of damping ratios."""
@@ -359,7 +359,7 @@ class Diagnosis(Shown):
         Kinds of data in which that is more than a right model leaves.
     mixed_up : tuple of MixedUp
         Points of the measurement that were mixed up, and were corrected.
-    strained : tuple of Pulled
+    pulled : tuple of Pulled
         Nuisances that are far off with the first of the set, or the base model.
     moved : tuple of Moved
         Every quantity of stack file and measurement that fits may move, with the first of the set, or the base model.
@@ -416,7 +416,7 @@ class Diagnosis(Shown):
     discrepancy_spread: Sizes
     too_large: tuple[str, ...]
     mixed_up: tuple[MixedUp, ...]
-    strained: tuple[Pulled, ...]
+    pulled: tuple[Pulled, ...]
     moved: tuple[Moved, ...]
     relieved: tuple[Pulled, ...]
     point_change: PointChange | None

@@ -137,7 +137,7 @@ def _ranked(
             state.name: tuple(np.sqrt(e.modelled[0][e.modelled[0] > 0.0] / (4.0 * np.pi**2)).tolist())
             for state, e in zip(model.states, explanation.errors, strict=True)
         },
-        strained=pulled(explanation),
+        pulled=pulled(explanation),
     )
 
 
@@ -410,7 +410,7 @@ def answer_of(model: Explained, search: Search, decision: Decision, asked: Seque
         too_large=decision.too_large,
         unlisted=decision.unlisted,
         mixed_up=(),
-        strained=far,
+        pulled=far,
         moved=model.moved(first),
         relieved=tuple(nuisance for nuisance in pulled(base) if nuisance.name not in {s.name for s in far}),
         point_change=None,

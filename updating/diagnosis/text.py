@@ -56,7 +56,7 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     text += _likelier(diagnosis)
     if diagnosis.point_change is not None:
         text.append(_at_a_point(diagnosis, diagnosis.point_change))
-    text += [f"Beware: {sentence}" for sentence in pulled_text(diagnosis.strained)]
+    text += [f"Beware: {sentence}" for sentence in pulled_text(diagnosis.pulled)]
     text += _moved(diagnosis)
     text += _at_bounds(diagnosis)
     text += _misread(diagnosis.sensor_gains)
@@ -181,7 +181,7 @@ def _change(base: Ranked, explanation: Ranked, start: str) -> str:
 
 def _moved(diagnosis: Diagnosis) -> list[str]:
     """Name what was moved by more than two standard deviations; what is pulled farther has its own sentence."""
-    known = {nuisance.name for nuisance in diagnosis.strained}
+    known = {nuisance.name for nuisance in diagnosis.pulled}
     far = [
         moved_text(nuisance)
         for nuisance in diagnosis.moved

@@ -168,7 +168,7 @@ def concluded(
         ),
         impossible=dict(impossible),
         relieved=tuple(pulled_text([c for c in off[0] if c.name not in kept])) if left else (),
-        strained=tuple(pulled_text(off[1])),
+        pulled=tuple(pulled_text(off[1])),
         sentences=(),
     )
     return replace(answer, sentences=sentences(answer))

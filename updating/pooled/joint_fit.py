@@ -351,7 +351,7 @@ def entry_of(ranked: Ranked) -> Entry:
         chi_square=ranked.misfit,
         n_residual=ranked.n_residual,
         shared=ranked.parameter,
-        strained=tuple(pulled_text(ranked.strained)),
+        pulled=tuple(pulled_text(ranked.pulled)),
     )
 
 
@@ -374,7 +374,7 @@ def entry_of_several(names: Sequence[str], fitted: Fitted, sizes: Sizes) -> Entr
         chi_square=fit.problem.weighed(sizes).misfit + float(np.sum(fit.pulls[held] ** 2)),
         n_residual=frequency.size * fit.errors[0].value.shape[1] + fit.problem.damping.size,
         shared=tuple(estimate_of(model, fit, c.name) for c in fit.coordinates[fit.n_nuisance :] if not is_pinned(c)),
-        strained=tuple(pulled_text(far_off(model, fit))),
+        pulled=tuple(pulled_text(far_off(model, fit))),
     )
 
 

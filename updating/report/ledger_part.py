@@ -69,7 +69,7 @@ def fit_table(entries: Sequence[Entry]) -> Table:
                 model_name(e),
                 "" if np.isnan(e.chi_square) else f"{e.chi_square:.4g}",
                 str(e.n_residual),
-                "; ".join([*(interval_text(p) for p in e.shared), *e.strained]),
+                "; ".join([*(interval_text(p) for p in e.shared), *e.pulled]),
             )
             for e in entries
         ),

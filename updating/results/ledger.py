@@ -35,7 +35,7 @@ class Entry:
         Number of weighted differences in it.
     shared : tuple of ParameterEstimate
         The effects' parameters.
-    strained : tuple of str
+    pulled : tuple of str
         In words, what is known of the stack or of the measurement and would have to be far off: so the model could meet
         these data without more effects.
     """
@@ -50,7 +50,7 @@ class Entry:
     chi_square: float
     n_residual: int
     shared: tuple[ParameterEstimate, ...]
-    strained: tuple[str, ...] = ()
+    pulled: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

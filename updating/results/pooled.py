@@ -208,7 +208,7 @@ class PooledDiagnosis:
         Effects too weak to show at any plausible strength, were they the rig's.
     impossible : mapping of str to str
         Why effects of the catalogue cannot be.
-    relieved, strained : tuple of str
+    relieved, pulled : tuple of str
         In words, what is known of the stacks and would have to be far off in the mean without what is found, and what
         has to be with it.
     sentences : tuple of str
@@ -225,7 +225,7 @@ class PooledDiagnosis:
     not_visible: tuple[str, ...]
     impossible: Mapping[str, str]
     relieved: tuple[str, ...]
-    strained: tuple[str, ...]
+    pulled: tuple[str, ...]
     sentences: tuple[str, ...]
 
     @property
@@ -255,7 +255,7 @@ def sentences(diagnosis: PooledDiagnosis) -> tuple[str, ...]:
     text.append(_odd(diagnosis))
     text += _groups(diagnosis.contrasts)
     text.append(_scatter(diagnosis))
-    text += [f"Beware: in the mean of all specimens, {finding}" for finding in diagnosis.strained[:_LISTED]]
+    text += [f"Beware: in the mean of all specimens, {finding}" for finding in diagnosis.pulled[:_LISTED]]
     if diagnosis.not_visible:
         text.append(
             "Too weak to show in these data at any plausible strength, were they the rig's: "
