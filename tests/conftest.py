@@ -131,7 +131,7 @@ def damage():
 
 
 @pytest.fixture
-def own():
+def copied():
     """Put the file itself in place of a link to it."""
 
     def copied(link: Path) -> Path:

@@ -23,12 +23,12 @@ def results(demo, tmp_path):
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("name", FILES)
-def test_documents(results, survives, damage, name, count, one):
-    file = one(results / name)
+def test_documents(results, survives, damage, name, count, copied):
+    file = copied(results / name)
     survives(lambda _: read_results(results), file, UpdatingError, damage(file, count))
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_frfs(results, survives, damage, count, one):
-    file = one(results / "M1/measurement.npz")
+def test_frfs(results, survives, damage, count, copied):
+    file = copied(results / "M1/measurement.npz")
     survives(read_frf, file, UpdatingError, damage(file, count))

@@ -32,12 +32,12 @@ def data(tmp_path):
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("reader", list(READERS))
-def test_every_reader(data, survives, damage, reader, count, one):
+def test_every_reader(data, survives, damage, reader, count, copied):
     read, name, errors = READERS[reader]
     file = data / name
     read(file)  # whole it is no error
     many = count // 5 if reader in SLOW else count if file.is_symlink() else 3 * count
-    survives(read, one(file) if file.is_symlink() else file, errors, damage(file, many))
+    survives(read, copied(file) if file.is_symlink() else file, errors, damage(file, many))
 
 
 EXTREMES = [b"0", b"-1", b"1000000", b"2147483648", b"1e300", b"1e-300", b"nan", b"inf", b"9" * 25]
@@ -47,10 +47,10 @@ EXTREMES = [b"0", b"-1", b"1000000", b"2147483648", b"1e300", b"1e-300", b"nan",
     "reader",
     ["campaign", "stack", "stack with a curve and an outline", "update file", "virtual test", "modal table's campaign"],
 )
-def test_every_number_of_a_file(data, survives, reader, one):
+def test_every_number_of_a_file(data, survives, reader, copied):
     """Each in turn is made as small, large or odd as it can be."""
     read, name, errors = READERS[reader]
-    file = one(data / name)
+    file = copied(data / name)
     content = file.read_bytes()
     if reader == "campaign":  # point numbers of trace lines: too many of one kind
         content = re.sub(rb"lines = .*", b"lines = [[1, 5]]", content)

@@ -246,7 +246,7 @@ TABLE = {
     "empty run": ("ema campaign.toml", holds("run_2.csv", ""), ["run_2.csv", "no rows of numbers"]),
     "empty poles": ("ema campaign.toml --poles .",
                     all_of(lambda f: (f / "M1").mkdir(), holds("M1/poles.txt", "")), ["poles.txt", "holds no pole"]),
-    "folder for a file": ("ema .", untouched, ["is a folder", "give a file"]),
+    "folder for a file": ("model .", untouched, ["is a folder", "give a file"]),
     "bytes for text": ("ema campaign.toml", holds("campaign.toml", bytes(range(256))), ["not a TOML file"]),
     "brackets without end": ("ema campaign.toml", holds("campaign.toml", "x = " + "[" * 3000), ["not a TOML file"]),
     "brackets without end in a stack": ("model stack.toml", holds("stack.toml", "x = " + "[" * 3000),
