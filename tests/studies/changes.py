@@ -7,9 +7,10 @@ every further state, of which the first has not changed and others have one chan
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from updating.changes.reference import FittedReference, fit_reference
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
 from updating.results.what_changed import WhatChanged
 
+_Planted, _Modes = TypeVar("_Planted"), TypeVar("_Modes")
 RECORD = BLIND / "changes.jsonl"
 """Those of the published table that today's rules were asked."""
 FIRST_SEED = 989_000
@@ -182,14 +184,12 @@ def _stack(seed: int) -> Measured:
     modes, truth = list(bare), [_truth("", {}, 0.0, scatter, (), np.nan)]
     for k, name in enumerate(kinds_of(seed, "stack")):
         number = len(modes)
-        before, more = states.modes(states.assembled(number)), 1.0
-        while True:  # larger until it shows
-            planted = drawn(np.random.default_rng([seed, 2, k]), name, len(bench.clamps), more)
-            after = states.modes(states.assembled(number, planted))
-            moved = states.moved(before, after) / scatter
-            if moved > FEWEST_SCATTERS or more > 30.0:
-                break
-            more *= 1.6
+        before = states.modes(states.assembled(number))
+        planted, after, moved = _that_shows(
+            lambda more, k=k, name=name: drawn(np.random.default_rng([seed, 2, k]), name, len(bench.clamps), more),
+            lambda planted, number=number: states.modes(states.assembled(number, planted)),
+            lambda after, before=before: states.moved(before, after) / scatter,
+        )
         modes.append(after)
         values = {key: v for one in planted.values() for key, v in one.items()}
         half = np.array([bench.length, bench.width]) / 2.0
@@ -210,6 +210,22 @@ def _stack(seed: int) -> Measured:
         run = np.repeat(np.arange(len(frf)), frf.shape[1])
         tests.append(_identified(_name(number), states.frequency, value, dofs, SHAKER, run, geometry))
     return Measured(seed=seed, structure="stack", tests=tuple(tests), planted=tuple(truth))
+
+
+def _that_shows(
+    draw: Callable[[float], _Planted], solve: Callable[[_Planted], _Modes], moved: Callable[[_Modes], float]
+) -> tuple[_Planted, _Modes, float]:
+    """Return a change that is larger until it shows, or can be no larger; modes with it; and by how much it moves one.
+
+    `draw` takes how many times the first size it has, `moved` tells over how many scatters.
+    """
+    more, planted = 1.0, draw(1.0)
+    while True:
+        after, more = solve(planted), 1.6 * more
+        found, larger = moved(after), draw(more)
+        if found > FEWEST_SCATTERS or larger == planted:
+            return planted, after, found
+        planted = larger
 
 
 def _stack_size(name: str, values: dict[str, float]) -> float:
@@ -286,14 +302,12 @@ def _plate(seed: int) -> Measured:
     truth = [_truth("", {}, 0.0, scatter, (), np.nan)]
     for k, name in enumerate(kinds_of(seed, "plate")):
         plate, _ = assembled(len(found))
-        before, more = solve(plate, {}), 1.0
-        while True:
-            planted = _plate_drawn(np.random.default_rng([seed, 2, k]), name, more, half)
-            after = solve(plate, planted)
-            moved = _moved(before, after) / scatter
-            if moved > FEWEST_SCATTERS or more > 30.0:
-                break
-            more *= 1.6
+        before = solve(plate, {})
+        planted, after, moved = _that_shows(
+            lambda more, k=k, name=name: _plate_drawn(np.random.default_rng([seed, 2, k]), name, more, half),
+            lambda planted, plate=plate: solve(plate, planted),
+            lambda after, before=before: _moved(before, after) / scatter,
+        )
         found.append(after)
         values = next(iter(planted.values()))
         at = (values["x"], values["y"]) if "x" in values else (-half[0], values.get("y", np.nan))
