@@ -7,10 +7,9 @@ every further state, of which the first has not changed and others have one chan
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
@@ -18,6 +17,7 @@ import model
 from ema import FRF, Dofs, Geometry, ModalModel, change, identify_frf
 from ema.types.arrays import single_threaded
 from model.stack.parts import EdgeSupport
+from tests.independent.bench import BenchModes, Planted
 from tests.independent.campaign import SHAKER, STACK, Configuration, Plan
 from tests.independent.changes import DRAWS, FEWEST_SCATTERS, States, drawn, workshop
 from tests.independent.plate import Plate
@@ -28,7 +28,6 @@ from updating.changes.reference import FittedReference, fit_reference
 from updating.diagnosis.candidates import CandidateModel, candidate_model, instruments_of
 from updating.results.what_changed import WhatChanged
 
-_Planted, _Modes = TypeVar("_Planted"), TypeVar("_Modes")
 RECORD = BLIND / "changes.jsonl"
 """Those of the published table that today's rules were asked."""
 FIRST_SEED = 989_000
@@ -162,36 +161,56 @@ def structure_of(seed: int) -> str:
 @single_threaded
 def measured(seed: int) -> Measured:
     """Simulate and identify all states of a laboratory."""
-    return (_stack if structure_of(seed) == "stack" else _plate)(seed)
-
-
-def _stack(seed: int) -> Measured:
-    rng = np.random.default_rng([seed, 1])
-    plan = Plan(
-        seed=seed,
-        model_key="solid",
-        kind="null",
-        configurations=(Configuration(name="R1", torque=3.0, pressure=PRESSURE),),
-        band=STACK_BAND,
-        step=STACK_STEP,
-        force_noise=float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3)))),
-        response_noise=float(np.exp(rng.uniform(np.log(3e-4), np.log(3e-3)))),
-    )
-    states = States(plan=plan, model=Solid(order=(18, 4)), shop=workshop(rng))
-    bare = [states.modes(states.assembled(i)) for i in range(len(REFERENCES) + 1)]
-    scatter = states.scatter(bare)
-    bench, _, nominal = states.stack
-    modes, truth = list(bare), [_truth("", {}, 0.0, scatter, (), np.nan)]
-    for k, name in enumerate(kinds_of(seed, "stack")):
+    structure = structure_of(seed)
+    bench: StackBench | PlateBench = StackBench(seed) if structure == "stack" else PlateBench(seed)
+    modes = [bench.modes(i) for i in range(len(REFERENCES) + 1)]
+    scatter = bench.scatter(modes)
+    truth = [_truth("", {}, 0.0, scatter, (), np.nan)]
+    for k, name in enumerate(kinds_of(seed, structure)):
         number = len(modes)
-        before = states.modes(states.assembled(number))
-        planted, after, moved = _that_shows(
-            lambda more, k=k, name=name: drawn(np.random.default_rng([seed, 2, k]), name, len(bench.clamps), more),
-            lambda planted, number=number: states.modes(states.assembled(number, planted)),
-            lambda after, before=before: states.moved(before, after) / scatter,
-        )
+        before, more, planted = bench.modes(number), 1.0, bench.drawn(k, name, 1.0)
+        while True:  # larger until it shows, or can be no larger
+            after, more = bench.modes(number, planted), 1.6 * more
+            moved, larger = bench.moved(before, after) / scatter, bench.drawn(k, name, more)
+            if moved > FEWEST_SCATTERS or larger == planted:
+                break
+            planted = larger
         modes.append(after)
-        values = {key: v for one in planted.values() for key, v in one.items()}
+        truth.append(bench.truth(name, planted, moved, scatter))
+    tests = tuple(bench.test(i, own) for i, own in enumerate(modes))
+    return Measured(seed=seed, structure=structure, tests=tests, planted=tuple(truth))
+
+
+class StackBench:
+    """A stack in the hands of one laboratory."""
+
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng([seed, 1])
+        plan = Plan(
+            seed=seed,
+            model_key="solid",
+            kind="null",
+            configurations=(Configuration(name="R1", torque=3.0, pressure=PRESSURE),),
+            band=STACK_BAND,
+            step=STACK_STEP,
+            force_noise=float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3)))),
+            response_noise=float(np.exp(rng.uniform(np.log(3e-4), np.log(3e-3)))),
+        )
+        self.seed, self.states = seed, States(plan=plan, model=Solid(order=(18, 4)), shop=workshop(rng))
+        self.scatter, self.moved = self.states.scatter, self.states.moved
+
+    def drawn(self, k: int, name: str, more: float) -> Planted:
+        """Return the change of a number, its size being so many times the first one."""
+        return drawn(np.random.default_rng([self.seed, 2, k]), name, len(self.states.stack[0].clamps), more)
+
+    def modes(self, number: int, planted: Planted | None = None) -> BenchModes:
+        """Return the modes of the state of a number."""
+        return self.states.modes(self.states.assembled(number, planted))
+
+    def truth(self, name: str, planted: Planted, moved: float, scatter: float) -> dict[str, object]:
+        """Return what is true of a change."""
+        bench = self.states.stack[0]
+        values = {key: v for own in planted.values() for key, v in own.items()}
         half = np.array([bench.length, bench.width]) / 2.0
         place: tuple[float, ...] = ()
         if name in ("loose bolt", "tight bolt", "removed mass"):
@@ -200,32 +219,16 @@ def _stack(seed: int) -> Measured:
             values = values | {"number": float(clamp + 1)}
         elif "x" in values:
             place = values["x"] * half[0], values.get("y", 0.9 if name == "glue on a side" else 0.0) * half[1]
-        truth.append(_truth(name, values, moved, scatter, place, _stack_size(name, values)))
-    dofs = Dofs(node=np.arange(1, SHAKER), direction=np.tile([0.0, 0.0, 1.0], (SHAKER - 1, 1)))
-    geometry = Geometry(node=np.arange(1, SHAKER + 1), coordinate=nominal, line=np.empty((0, 2), dtype=int))
-    tests = []
-    for number, one in enumerate(modes):
-        frf, _ = states.measured(number, one)
-        value = frf.reshape(SHAKER - 1, 1, -1)
-        run = np.repeat(np.arange(len(frf)), frf.shape[1])
-        tests.append(_identified(_name(number), states.frequency, value, dofs, SHAKER, run, geometry))
-    return Measured(seed=seed, structure="stack", tests=tuple(tests), planted=tuple(truth))
+        return _truth(name, values, moved, scatter, place, _stack_size(name, values))
 
-
-def _that_shows(
-    draw: Callable[[float], _Planted], solve: Callable[[_Planted], _Modes], moved: Callable[[_Modes], float]
-) -> tuple[_Planted, _Modes, float]:
-    """Return a change that is larger until it shows, or can be no larger; modes with it; and by how much it moves one.
-
-    `draw` takes how many times the first size it has, `moved` tells over how many scatters.
-    """
-    more, planted = 1.0, draw(1.0)
-    while True:
-        after, more = solve(planted), 1.6 * more
-        found, larger = moved(after), draw(more)
-        if found > FEWEST_SCATTERS or larger == planted:
-            return planted, after, found
-        planted = larger
+    def test(self, number: int, modes: BenchModes) -> ModalModel:
+        """Return what `ema` makes of the functions of a state."""
+        _, _, nominal = self.states.stack
+        dofs = Dofs(node=np.arange(1, SHAKER), direction=np.tile([0.0, 0.0, 1.0], (SHAKER - 1, 1)))
+        geometry = Geometry(node=np.arange(1, SHAKER + 1), coordinate=nominal, line=np.empty((0, 2), dtype=int))
+        frf, _ = self.states.measured(number, modes)
+        value, run = frf.reshape(SHAKER - 1, 1, -1), np.repeat(np.arange(len(frf)), frf.shape[1])
+        return _identified(_name(number), self.states.frequency, value, dofs, SHAKER, run, geometry)
 
 
 def _stack_size(name: str, values: dict[str, float]) -> float:
@@ -271,51 +274,51 @@ def _identified(
     return identify_frf(frf, geometry, name=name)
 
 
-def _plate(seed: int) -> Measured:
-    rng = np.random.default_rng([seed, 1])
-    hold, sensor, noise = rng.uniform(0.03, 0.12), rng.uniform(1e-3, 1e-2), 10.0 ** rng.uniform(-4.0, -2.7)
-    true = dataclasses.replace(
-        PLATE,
-        thickness=PLATE.thickness * (1.0 + 0.01 * rng.standard_normal()),
-        translation=PLATE.translation * np.exp(0.3 * rng.standard_normal()),
-        rotation=PLATE.rotation * np.exp(0.5 * rng.standard_normal()),
-    )
-    nominal = _plate_points()
-    place = nominal + 1e-3 * rng.standard_normal(nominal.shape)
-    half = np.array([true.length, true.width]) / 2.0
+class PlateBench:
+    """A held plate in the hands of one laboratory."""
 
-    def assembled(number: int) -> tuple[Plate, np.random.Generator]:
-        one = np.random.default_rng([seed, 3, number])
-        held = np.exp(hold * one.standard_normal(2))
-        young = np.exp(5e-4 * one.standard_normal())
-        return dataclasses.replace(
+    def __init__(self, seed: int) -> None:
+        rng = np.random.default_rng([seed, 1])
+        self.seed, self._hold = seed, rng.uniform(0.03, 0.12)
+        self._errors = rng.uniform(1e-3, 1e-2), 10.0 ** rng.uniform(-4.0, -2.7)
+        self._true = dataclasses.replace(
+            PLATE,
+            thickness=PLATE.thickness * (1.0 + 0.01 * rng.standard_normal()),
+            translation=PLATE.translation * np.exp(0.3 * rng.standard_normal()),
+            rotation=PLATE.rotation * np.exp(0.5 * rng.standard_normal()),
+        )
+        self._nominal = _plate_points()
+        self._point = self._nominal + 1e-3 * rng.standard_normal(self._nominal.shape)
+        self._half = np.array([PLATE.length, PLATE.width]) / 2.0
+        self.moved = _moved
+
+    def drawn(self, k: int, name: str, more: float) -> Planted:
+        """Return the change of a number, its size being so many times the first one."""
+        return _plate_drawn(np.random.default_rng([self.seed, 2, k]), name, more, self._half)
+
+    def modes(self, number: int, planted: Planted | None = None) -> tuple[np.ndarray, ...]:
+        """Return the modes of the state of a number."""
+        own, true = np.random.default_rng([self.seed, 3, number]), self._true
+        held, young = np.exp(self._hold * own.standard_normal(2)), np.exp(5e-4 * own.standard_normal())
+        plate = dataclasses.replace(
             true, translation=true.translation * held[0], rotation=true.rotation * held[1], young=true.young * young
-        ), one
-
-    def solve(plate: Plate, planted: dict[str, dict[str, float]]) -> tuple[np.ndarray, ...]:
-        return plate.modes(22, place, planted)
-
-    found = [solve(assembled(i)[0], {}) for i in range(len(REFERENCES) + 1)]
-    seen = found[0][0] < PLATE_BAND[1]
-    logs = np.log([one[0][seen] for one in found])
-    scatter = float(np.sqrt(2.0 * np.mean(np.var(logs, axis=0, ddof=1))))
-    truth = [_truth("", {}, 0.0, scatter, (), np.nan)]
-    for k, name in enumerate(kinds_of(seed, "plate")):
-        plate, _ = assembled(len(found))
-        before = solve(plate, {})
-        planted, after, moved = _that_shows(
-            lambda more, k=k, name=name: _plate_drawn(np.random.default_rng([seed, 2, k]), name, more, half),
-            lambda planted, plate=plate: solve(plate, planted),
-            lambda after, before=before: _moved(before, after) / scatter,
         )
-        found.append(after)
-        values = next(iter(planted.values()))
-        at = (values["x"], values["y"]) if "x" in values else (-half[0], values.get("y", np.nan))
-        truth.append(
-            _truth(name, values, moved, scatter, () if name == "softer mounting" else at, _plate_size(name, values))
-        )
-    tests = [_plate_test(seed, i, one, nominal, (sensor, noise)) for i, one in enumerate(found)]
-    return Measured(seed=seed, structure="plate", tests=tuple(tests), planted=tuple(truth))
+        return plate.modes(22, self._point, dict(planted or {}))
+
+    def scatter(self, modes: Sequence[tuple[np.ndarray, ...]]) -> float:
+        """Return the relative scatter of a frequency between two assemblies, from the true modes of some."""
+        logs = np.log([own[0][modes[0][0] < PLATE_BAND[1]] for own in modes])
+        return float(np.sqrt(2.0 * np.mean(np.var(logs, axis=0, ddof=1))))
+
+    def truth(self, name: str, planted: Planted, moved: float, scatter: float) -> dict[str, object]:
+        """Return what is true of a change."""
+        values = dict(next(iter(planted.values())))
+        at = (values["x"], values["y"]) if "x" in values else (-self._half[0], values.get("y", np.nan))
+        return _truth(name, values, moved, scatter, () if name == "softer mounting" else at, _plate_size(name, values))
+
+    def test(self, number: int, modes: tuple[np.ndarray, ...]) -> ModalModel:
+        """Return what `ema` makes of the functions of a state."""
+        return _plate_test(self.seed, number, modes, self._nominal, self._errors)
 
 
 def _plate_points() -> np.ndarray:
@@ -326,7 +329,7 @@ def _plate_points() -> np.ndarray:
 
 def _plate_drawn(rng: np.random.Generator, name: str, more: float, half: np.ndarray) -> dict[str, dict[str, float]]:
     key, ranges, size, _ = PLATE_DRAWS[name]
-    values = {one: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for one, (low, high) in ranges.items()}
+    values = {own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()}
     values[size] = min(more * values[size], ranges[size][1])
     x, y = rng.uniform(-0.85, 0.85, 2) * half
     if key == "edge":
@@ -351,7 +354,7 @@ def _plate_size(name: str, values: dict[str, float]) -> float:
 
 
 def _moved(before: tuple[np.ndarray, ...], after: tuple[np.ndarray, ...]) -> float:
-    a, b = (one[2] / np.linalg.norm(one[2], axis=0) for one in (before, after))
+    a, b = (own[2] / np.linalg.norm(own[2], axis=0) for own in (before, after))
     alike = np.abs(a.T @ b)
     seen = (before[0] < PLATE_BAND[1]) & (before[0] > PLATE_BAND[0]) & (alike.max(axis=1) > 0.8)
     shift = np.abs(np.log(after[0][alike.argmax(axis=1)] / before[0]))
@@ -365,9 +368,9 @@ def _plate_test(
     rng = np.random.default_rng([seed, 4, number])
     frequency = np.arange(PLATE_BAND[0], PLATE_BAND[1] + PLATE_STEP / 2.0, PLATE_STEP)
     f, ratio, shape = modes
-    omega, one = 2.0 * np.pi * frequency, 2.0 * np.pi * f
+    omega, own = 2.0 * np.pi * frequency, 2.0 * np.pi * f
     force = shape[-1]
-    lines = (force / (one**2 - omega[:, None] ** 2 + 2j * ratio * one * omega[:, None])).T
+    lines = (force / (own**2 - omega[:, None] ** 2 + 2j * ratio * own * omega[:, None])).T
     value = -(omega**2) * (shape @ lines) * (1.0 + errors[0] * rng.standard_normal((len(shape), 1)))
     level = errors[1] * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True))
     value = value + level * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape))
@@ -437,7 +440,7 @@ def _pair(found: Measured, k: int, answer: WhatChanged, *, seen: bool) -> Pair:
     if name:
         right = DRAWS[name].right if found.structure == "stack" else PLATE_DRAWS[name][3]
     lead = answer.kind(answer.left[0]) if answer.left else None
-    sized = next((answer.kind(one) for one in answer.left if one in right), None)
+    sized = next((answer.kind(own) for own in answer.left if own in right), None)
     return Pair(
         seed=found.seed,
         state=k,
@@ -456,26 +459,26 @@ def _pair(found: Measured, k: int, answer: WhatChanged, *, seen: bool) -> Pair:
 
 def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
     """Yield what the pairs say."""
-    none = [one for one in pairs if not one.planted]
-    changed = [one for one in pairs if one.planted and one.moved >= FEWEST_SCATTERS]
-    named = [one for one in changed if one.left]
-    placed = [one for one in named if one.place and one.kind_place]
-    sized = [one for one in changed if np.isfinite(one.size) and one.kind_size]
-    bolts = [one for one in changed if one.planted == "loose bolt"]
+    none = [own for own in pairs if not own.planted]
+    changed = [own for own in pairs if own.planted and own.moved >= FEWEST_SCATTERS]
+    named = [own for own in changed if own.left]
+    placed = [own for own in named if own.place and own.kind_place]
+    sized = [own for own in changed if np.isfinite(own.size) and own.kind_size]
+    bolts = [own for own in changed if own.planted == "loose bolt"]
 
-    yield share("no change: changed or named", "at most 5 %", [one.changed for one in none])
-    yield share("no change: named", "at most 5 %", [bool(one.left) for one in none])
-    yield share("one change: changed", "97 %", [one.changed for one in changed])
-    yield share("one change: kind right or in the set", "80 %", [one.in_set for one in changed])
+    yield share("no change: changed or named", "at most 5 %", [own.changed for own in none])
+    yield share("no change: named", "at most 5 %", [bool(own.left) for own in none])
+    yield share("one change: changed", "97 %", [own.changed for own in changed])
+    yield share("one change: kind right or in the set", "80 %", [own.in_set for own in changed])
     yield share("one change: named, and not one of the names is right", "at most 5 %",
-                [bool(one.left) and not one.in_set for one in changed])  # fmt: skip
+                [bool(own.left) and not own.in_set for own in changed])  # fmt: skip
     yield share("one change: a wrong name first", "at most 5 %",
-                [bool(one.left) and one.left[0] not in one.right for one in changed])  # fmt: skip
-    yield share("location within a tenth of the length, of those named", "80 %", [one.placed for one in placed])
+                [bool(own.left) and own.left[0] not in own.right for own in changed])  # fmt: skip
+    yield share("location within a tenth of the length, of those named", "80 %", [own.placed for own in placed])
     yield share("intervals of 90 % hold the size", "80 to 97 %",
-                [one.kind_size[1] <= one.size <= one.kind_size[2] for one in sized])  # fmt: skip
+                [own.kind_size[1] <= own.size <= own.kind_size[2] for own in sized])  # fmt: skip
     yield share("loose bolts: the right clamp is in the answer", "80 %",
-                [one.in_set and one.part == f"clamp {one.values['number']:.0f}" for one in bolts])  # fmt: skip
+                [own.in_set and own.part == f"clamp {own.values['number']:.0f}" for own in bolts])  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -495,4 +498,4 @@ def study_of(number: int, record: Path, first: int = FIRST_SEED) -> list[Pair]:
     """Return the pairs of so many laboratories; those that a record holds are read back, others are added to it."""
     asked = [(seed,) for seed in range(first, first + number)]
     found = study(asked, solved, record, Laboratory, lambda case: (case.seed,))
-    return [pair for one in found for pair in one.pairs]
+    return [pair for own in found for pair in own.pairs]
