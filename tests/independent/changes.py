@@ -300,8 +300,7 @@ def drawn(rng: np.random.Generator, name: str, n_clamp: int, more: float) -> dic
     """Return what is planted of a kind, its size being `more` times one of the range."""
     draw = DRAWS[name]
     values = {key: one.draw(rng) for key, one in draw.parameters.items()}
-    low, high = draw.parameters[draw.size].lower, draw.parameters[draw.size].upper
-    values[draw.size] = min(more * values[draw.size], high) if more > 1.0 else max(values[draw.size], low)
+    values[draw.size] = min(more * values[draw.size], draw.parameters[draw.size].upper)
     clamp = str(min(int(values.pop("clamp") * n_clamp), n_clamp - 1)) if draw.key.startswith("clamp") else ""
     if draw.key == "clamp_masses":
         return {draw.key: {clamp: -values["mass"]}}

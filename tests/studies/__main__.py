@@ -8,7 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from tests.independent.layered import Layered
-from tests.studies import blind, changes, corruptions, large_matrices, other_models, pooled, reduced_basis, slipping
+from tests.studies import (
+    blind,
+    changes,
+    corruptions,
+    large_matrices,
+    other_models,
+    pooled,
+    reduced_basis,
+    slipping,
+    smallest_changes,
+)
 from tests.studies.blind_figures import figures
 
 Study = Callable[[int, Path], Sequence[str]]
@@ -28,6 +38,9 @@ STUDIES: dict[str, tuple[Study, int]] = {
     ),
     "pooled": (lambda n, file: _rows(pooled.figures(pooled.study_of(n, Layered(), file))), 60),
     "changes": (lambda n, file: _rows(changes.figures(changes.study_of(n, file))), 40),
+    "smallest_changes": (
+        lambda n, file: _rows(smallest_changes.study_of(n, file)), len(smallest_changes.CASES),
+    ),
     "slipping": (
         lambda n, file: _rows(slipping.figures(slipping.study_of(slipping.planned(n), file))), 100,
     ),

@@ -389,19 +389,16 @@ _reduced: dict[str, CandidateModel] = {}
 def reduced(found: Measured) -> CandidateModel:
     """Return the model of a structure as it is stated."""
     if found.structure not in _reduced:
-        stack, effects = (_stated_stack(), ()) if found.structure == "stack" else (_stated_plate(), _HELD)
         known = model.catalogue()
-        _reduced[found.structure] = candidate_model(
-            stack, instruments_of(found.tests[0]), {name: known[name] for name in effects}
-        )
+        effects = {name: known[name] for name in (_HELD if found.structure == "plate" else ())}
+        _reduced[found.structure] = candidate_model(stated(found.structure), instruments_of(found.tests[0]), effects)
     return _reduced[found.structure]
 
 
-def _stated_stack() -> model.Stack:
-    return model.read_stack(STACK).with_contact(pressure=PRESSURE)
-
-
-def _stated_plate() -> model.Stack:
+def stated(structure: str) -> model.Stack:
+    """Return what a structure is said to be."""
+    if structure == "stack":
+        return model.read_stack(STACK).with_contact(pressure=PRESSURE)
     return model.Stack(
         name="plate",
         length=PLATE.length,
