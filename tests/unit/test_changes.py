@@ -240,7 +240,7 @@ def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(
     at, error, seen = changed_plate(planted)
     kind = next(one for one in kinds() if one.name == name)
     candidates = kind.candidates(at.structure, place)
-    left = error + Condensed(at).change(kind, candidates, 0)(np.array([size]))[0].reshape(error.shape)
+    left = error + Condensed(at).changes(kind, candidates, 0)[0](np.array([size]))[0].reshape(error.shape)
     first = error + size * Actions(at.ours).of(candidates)[0]
     error, left, first = (one[:, seen] for one in (error, left, first))
     assert np.linalg.norm(first) > 5e-3 * np.linalg.norm(error)
@@ -271,7 +271,7 @@ def test_a_long_crack_and_a_large_hole_act_as_other_finite_elements_have_them(na
     candidates = kind.candidates(made, np.array([[values["y"], values["x"]]]))
     (i, *_) = np.flatnonzero(candidates.form == number)
     assert kind.value(candidates.only(np.array([i])), np.ones(1))[0] == pytest.approx(values[size] * scale)
-    left = error + Condensed(at).change(kind, candidates, int(i))(np.ones(1))[0].reshape(error.shape)
+    left = error + Condensed(at).changes(kind, candidates, int(i))[0](np.ones(1))[0].reshape(error.shape)
     first = error + Actions(at.ours).of(candidates)[i]
     error, left, first = (one[:, seen] for one in (error, left, first))
     assert np.linalg.norm(left) < 0.3 * np.linalg.norm(error)

@@ -50,6 +50,15 @@ _NOTHING = 1e-6  # of the largest answer: smaller ones are none
 
 _FARTHEST = 3.0  # standard deviation of a modal coordinate beside a shape of unit length, whatever equations say
 
+_TUNED = (1.0 + 0.03 * (np.arange(9) - 4.0) / 9.0) ** 2
+"""Squares of tunings over one that was tried, in place of it: those that were tried are up to 3 % apart."""
+
+_OFF = 0.005
+"""Least distance of an eigenvalue from that of what is tuned, relative: the mode of a resonator is as near to it as its
+mass is small, and has its damping."""
+
+_Around = tuple[Structure, Vector, Vector, list[Vector]]
+
 
 class Condensed:
     """The structure about the fitted reference, and how it answers to changes.
@@ -62,10 +71,12 @@ class Condensed:
 
     def __init__(self, at: Situation) -> None:
         self.at, self.structure = at, at.structure
-        self._kept: dict[tuple[object, ...], tuple[Structure, Vector, Vector, list[Vector]]] = {}
+        self._kept: dict[tuple[object, ...], _Around] = {}
 
-    def change(self, kind: Kind, candidates: Candidates, i: int) -> Change:
+    def changes(self, kind: Kind, candidates: Candidates, i: int) -> list[Change]:
         """Return what one candidate does to the equation errors of the changed state, by its amplitude.
+
+        What is tuned is so several times, between the tunings that were tried.
 
         Parameters
         ----------
@@ -75,13 +86,20 @@ class Condensed:
             Among which it is number `i`.
         """
         structure, stiffness, mass, seen = self._around(kind, candidates, i)
-        m, steps, opened, adding = self.structure.n_mode, list[_Mode](), None, structure
+        opened, adding = None, structure
         if kind.opened is not None:  # mass that goes with it moves with the modes
             opened, adding = kind.opened(structure, candidates.only(np.array([i]))), self.structure
         there = kind.candidates(adding, structure.located(candidates.location[i, None]))
         (j,) = np.flatnonzero(there.form == candidates.form[i])
         chosen = there.only(np.array([j])).parts
         parts = _matrices([part for part in chosen if opened is None or part.target == "M"])
+        tuned = any(part.resonance is not None and np.isfinite(part.resonance).all() for part in chosen)
+        around = (structure, stiffness, mass, seen)
+        return [self._change(_tuned(parts, ratio), opened, around) for ratio in (_TUNED if tuned else (1.0,))]
+
+    def _change(self, parts: Sequence[tuple[Part, Vector]], opened: Vector | None, around: _Around) -> Change:
+        """Return what some matrices, or openings, do."""
+        (_, stiffness, mass, seen), m, steps = around, self.structure.n_mode, list[_Mode]()
         for errors, rows in zip(self.at.joint.errors[self.at.n_reference :], seen, strict=True):
             for r, value in enumerate(errors.eigenvalue):
                 s = _dynamic(parts, value) if parts else np.zeros((m, m))
@@ -118,7 +136,7 @@ class Condensed:
         mu, turn = la.eigh(flexible @ flexible.T - (beyond * (answer - 1.0)) @ beyond.T)
         return mu, turn.T @ within, (answer[:, None] * beyond.T) @ turn
 
-    def _around(self, kind: Kind, candidates: Candidates, i: int) -> tuple[Structure, Vector, Vector, list[Vector]]:
+    def _around(self, kind: Kind, candidates: Candidates, i: int) -> _Around:
         """Return the structure with its answers after the modes, stiffness and mass of these, and what is seen of them.
 
         That is nothing where only the reduced basis answers, as of a thick stack: coordinates of modes that sensors
@@ -135,7 +153,7 @@ class Condensed:
             self._kept[key] = self._beside(answers)
         return self._kept[key]
 
-    def _beside(self, answers: Answers | None) -> tuple[Structure, Vector, Vector, list[Vector]]:
+    def _beside(self, answers: Answers | None) -> _Around:
         """Return the structure with all that is beside its modes, and stiffness and mass of that."""
         modes, stiffness, mass = self.structure.matrices()
         n = len(stiffness)
@@ -275,13 +293,21 @@ def _matrices(parts: Sequence[Part]) -> list[tuple[Part, Vector]]:
     return found
 
 
+def _tuned(parts: Sequence[tuple[Part, Vector]], ratio: float) -> list[tuple[Part, Vector]]:
+    """Return parts whose resonances are at so many times their eigenvalues."""
+    return [
+        (part if part.resonance is None else replace(part, resonance=ratio * part.resonance), matrix)
+        for part, matrix in parts
+    ]
+
+
 def _dynamic(parts: Sequence[tuple[Part, Vector]], eigenvalue: float) -> Vector:
     """Return dK - lambda dM at one measured mode."""
     total = np.zeros_like(parts[0][1])
     for part, matrix in parts:
         factor = -eigenvalue if part.target == "M" else 1.0
         if part.resonance is not None:
-            factor *= float(apparent(np.array([eigenvalue]), part.resonance)[0, 0])
+            factor *= float(apparent(np.array([eigenvalue]), part.resonance, least=_OFF)[0, 0])
         total += factor * matrix
     return (total + total.T) / 2.0
 
@@ -347,9 +373,21 @@ def refine(
     problems : sequence of ((N,), (N, N))
         Errors without a change and the lower Cholesky factor of their covariance, at each size of the scatter.
     """
-    change = structure.change(kind, candidates, index)
     scale = EFFECTS / effect
     most = min(kind.whole, candidates.upper, 4.0 * float(scale[-1]))
+    each = [_weighed(index, change, scale, most, problems) for change in structure.changes(kind, candidates, index)]
+    best = each[int(np.argmax([own.evidence[len(problems) // 2] for own in each]))]
+    return replace(
+        best,
+        amplitude=np.concatenate([own.amplitude for own in each]),
+        log=np.hstack([own.log for own in each]) - np.log(len(each)),
+    )
+
+
+def _weighed(
+    index: int, change: Change, scale: Vector, most: float, problems: Sequence[tuple[Vector, Vector]]
+) -> Refined:
+    """Weigh what an amplitude does; its prior is half-normal at several scales, and it is at most `most`."""
     coarse = np.geomspace(0.02 * min(float(scale[0]), most), most, _N_COARSE)
     middle = len(problems) // 2
     rough = _log_likelihood(change(coarse), problems[middle])[0] + _log_prior(coarse, scale, most)
