@@ -23,7 +23,7 @@ from updating.changes.kinds import kinds
 from updating.changes.kinds.edges import held_edges
 from updating.changes.refined import Condensed
 from updating.changes.scan import Actions, Measured, conditional, weigh
-from updating.changes.situation import _pairs
+from updating.changes.situation import _pairs, _pairs_of_repeats
 from updating.inference.equation_error import equation_errors
 from updating.inference.protocol import Modal, State
 from updating.results.what_changed import KindOfChange
@@ -291,6 +291,13 @@ def test_of_two_modes_that_look_alike_the_nearer_one_is_the_same():
     for eigenvalue, beside in (([1.0, 4.1, 5.0], 2), ([1.0, 3.2, 3.9], 1)):
         after = types.SimpleNamespace(weight=np.eye(3)[[0, 1, 1]], eigenvalue=np.array(eigenvalue))
         assert beside not in _pairs(after, before)[0]
+
+
+def test_of_two_modes_that_a_resonator_makes_one_is_the_same_as_all_repeats_of_the_reference():
+    after = types.SimpleNamespace(weight=np.eye(3)[[0, 1, 1]], eigenvalue=np.array([1.0, 4.0, 6.25]))
+    repeats = [types.SimpleNamespace(weight=np.eye(3)[:2], eigenvalue=np.array([1.0, own])) for own in (4.9, 5.1)]
+    paired = _pairs_of_repeats(after, repeats)
+    assert [row.tolist() for row, _ in paired] == [[0, 1], [0]]
 
 
 def test_two_roving_accelerometers_that_read_otherwise_are_no_change():

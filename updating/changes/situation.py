@@ -161,8 +161,8 @@ class Situation:
         n, ratios, before = self.n_reference, [], []
         for error, value in zip(self.joint.errors[n:], values[n:], strict=True):
             each = np.full((n, value.size), np.nan)
-            for c, (other, reference) in enumerate(zip(self.joint.errors[:n], values[:n], strict=True)):
-                row, column = _pairs(error, other)
+            pairs = _pairs_of_repeats(error, self.joint.errors[:n])
+            for c, ((row, column), reference) in enumerate(zip(pairs, values[:n], strict=True)):
                 each[c, row] = np.log(reference[column])
             seen = np.isfinite(each).any(axis=0)
             mean = np.full(value.size, np.nan)
@@ -211,8 +211,9 @@ def _known(
         unseen = np.any(near & (_motion(modals[c]) >= still) & ~taken, axis=1)
         keep = np.max([one.max(axis=1) for one in alike], axis=0) > SAME
         keep |= np.max([_within(error.weight, other.weight) for other in joint.errors[:n_reference]], axis=0) > REACHED
+        same = _pairs_of_repeats(error, joint.errors[:n_reference])
         for r in np.flatnonzero(keep & unseen):
-            keep[r] = any(r in _pairs(error, other)[0] for other in joint.errors[:n_reference])
+            keep[r] = any(r in row for row, _ in same)
         if not keep.all():
             states[c], modals[c] = _only(states[c], modals[c], np.flatnonzero(keep))
             shorter = True
@@ -241,6 +242,21 @@ def _pairs(one: Errors, other: Errors) -> tuple[NDArray[np.intp], NDArray[np.int
     row, column = scipy.optimize.linear_sum_assignment(alike - apart, maximize=True)
     good = alike[row, column] > SAME
     return row[good], column[good]
+
+
+def _pairs_of_repeats(one: Errors, references: Sequence[Errors]) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    """Return which modes of a state are the same as ones of each of some repeats, as `_pairs` does.
+
+    All repeats of one mode are one of the state: half way between two that a resonator makes, either may be nearer.
+    """
+    taken, found = dict[tuple[int, int], int](), []
+    for c, other in enumerate(references):
+        of_first = dict(zip(*(index.tolist() for index in _pairs(other, references[0])), strict=True))
+        row, column = _pairs(one, other)
+        same = [(0, of_first[q]) if q in of_first else (c, q) for q in column.tolist()]
+        keep = np.array([taken.setdefault(q, r) == r for q, r in zip(same, row.tolist(), strict=True)], dtype=bool)
+        found.append((row[keep], column[keep]))
+    return found
 
 
 def _distinct(state: State, modal: Modal) -> tuple[State, Modal]:
