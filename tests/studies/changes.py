@@ -177,7 +177,7 @@ def measured(seed: int) -> Measured:
             planted = larger
         modes.append(after)
         truth.append(bench.truth(name, planted, moved, scatter))
-    tests = tuple(bench.test(i, own) for i, own in enumerate(modes))
+    tests = tuple(bench.test(i, one) for i, one in enumerate(modes))
     return Measured(seed=seed, structure=structure, tests=tests, planted=tuple(truth))
 
 
@@ -210,7 +210,7 @@ class StackBench:
     def truth(self, name: str, planted: Planted, moved: float, scatter: float) -> dict[str, object]:
         """Return what is true of a change."""
         bench = self.states.stack[0]
-        values = {key: v for own in planted.values() for key, v in own.items()}
+        values = {key: v for one in planted.values() for key, v in one.items()}
         half = np.array([bench.length, bench.width]) / 2.0
         place: tuple[float, ...] = ()
         if name in ("loose bolt", "tight bolt", "removed mass"):
@@ -298,8 +298,8 @@ class PlateBench:
 
     def modes(self, number: int, planted: Planted | None = None) -> tuple[np.ndarray, ...]:
         """Return the modes of the state of a number."""
-        own, true = np.random.default_rng([self.seed, 3, number]), self._true
-        held, young = np.exp(self._hold * own.standard_normal(2)), np.exp(5e-4 * own.standard_normal())
+        one, true = np.random.default_rng([self.seed, 3, number]), self._true
+        held, young = np.exp(self._hold * one.standard_normal(2)), np.exp(5e-4 * one.standard_normal())
         plate = dataclasses.replace(
             true, translation=true.translation * held[0], rotation=true.rotation * held[1], young=true.young * young
         )
@@ -307,7 +307,7 @@ class PlateBench:
 
     def scatter(self, modes: Sequence[tuple[np.ndarray, ...]]) -> float:
         """Return the relative scatter of a frequency between two assemblies, from the true modes of some."""
-        logs = np.log([own[0][modes[0][0] < PLATE_BAND[1]] for own in modes])
+        logs = np.log([one[0][modes[0][0] < PLATE_BAND[1]] for one in modes])
         return float(np.sqrt(2.0 * np.mean(np.var(logs, axis=0, ddof=1))))
 
     def truth(self, name: str, planted: Planted, moved: float, scatter: float) -> dict[str, object]:
@@ -329,7 +329,7 @@ def _plate_points() -> np.ndarray:
 
 def _plate_drawn(rng: np.random.Generator, name: str, more: float, half: np.ndarray) -> dict[str, dict[str, float]]:
     key, ranges, size, _ = PLATE_DRAWS[name]
-    values = {own: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for own, (low, high) in ranges.items()}
+    values = {one: float(np.exp(rng.uniform(np.log(low), np.log(high)))) for one, (low, high) in ranges.items()}
     values[size] = min(more * values[size], ranges[size][1])
     x, y = rng.uniform(-0.85, 0.85, 2) * half
     if key == "edge":
@@ -354,7 +354,7 @@ def _plate_size(name: str, values: dict[str, float]) -> float:
 
 
 def _moved(before: tuple[np.ndarray, ...], after: tuple[np.ndarray, ...]) -> float:
-    a, b = (own[2] / np.linalg.norm(own[2], axis=0) for own in (before, after))
+    a, b = (one[2] / np.linalg.norm(one[2], axis=0) for one in (before, after))
     alike = np.abs(a.T @ b)
     seen = (before[0] < PLATE_BAND[1]) & (before[0] > PLATE_BAND[0]) & (alike.max(axis=1) > 0.8)
     shift = np.abs(np.log(after[0][alike.argmax(axis=1)] / before[0]))
@@ -368,9 +368,9 @@ def _plate_test(
     rng = np.random.default_rng([seed, 4, number])
     frequency = np.arange(PLATE_BAND[0], PLATE_BAND[1] + PLATE_STEP / 2.0, PLATE_STEP)
     f, ratio, shape = modes
-    omega, own = 2.0 * np.pi * frequency, 2.0 * np.pi * f
+    omega, one = 2.0 * np.pi * frequency, 2.0 * np.pi * f
     force = shape[-1]
-    lines = (force / (own**2 - omega[:, None] ** 2 + 2j * ratio * own * omega[:, None])).T
+    lines = (force / (one**2 - omega[:, None] ** 2 + 2j * ratio * one * omega[:, None])).T
     value = -(omega**2) * (shape @ lines) * (1.0 + errors[0] * rng.standard_normal((len(shape), 1)))
     level = errors[1] * np.sqrt(np.mean(np.abs(value) ** 2, axis=1, keepdims=True))
     value = value + level * (rng.standard_normal(value.shape) + 1j * rng.standard_normal(value.shape))
@@ -437,7 +437,7 @@ def _pair(found: Measured, k: int, answer: WhatChanged, *, seen: bool) -> Pair:
     if name:
         right = DRAWS[name].right if found.structure == "stack" else PLATE_DRAWS[name][3]
     lead = answer.kind(answer.left[0]) if answer.left else None
-    sized = next((answer.kind(own) for own in answer.left if own in right), None)
+    sized = next((answer.kind(one) for one in answer.left if one in right), None)
     return Pair(
         seed=found.seed,
         state=k,
@@ -456,26 +456,26 @@ def _pair(found: Measured, k: int, answer: WhatChanged, *, seen: bool) -> Pair:
 
 def figures(pairs: Sequence[Pair]) -> Iterator[Share]:
     """Yield what the pairs say."""
-    none = [own for own in pairs if not own.planted]
-    changed = [own for own in pairs if own.planted and own.moved >= FEWEST_SCATTERS]
-    named = [own for own in changed if own.left]
-    placed = [own for own in named if own.place and own.kind_place]
-    sized = [own for own in changed if np.isfinite(own.size) and own.kind_size]
-    bolts = [own for own in changed if own.planted == "loose bolt"]
+    none = [one for one in pairs if not one.planted]
+    changed = [one for one in pairs if one.planted and one.moved >= FEWEST_SCATTERS]
+    named = [one for one in changed if one.left]
+    placed = [one for one in named if one.place and one.kind_place]
+    sized = [one for one in changed if np.isfinite(one.size) and one.kind_size]
+    bolts = [one for one in changed if one.planted == "loose bolt"]
 
-    yield share("no change: changed or named", "at most 5 %", [own.changed for own in none])
-    yield share("no change: named", "at most 5 %", [bool(own.left) for own in none])
-    yield share("one change: changed", "97 %", [own.changed for own in changed])
-    yield share("one change: kind right or in the set", "80 %", [own.in_set for own in changed])
+    yield share("no change: changed or named", "at most 5 %", [one.changed for one in none])
+    yield share("no change: named", "at most 5 %", [bool(one.left) for one in none])
+    yield share("one change: changed", "97 %", [one.changed for one in changed])
+    yield share("one change: kind right or in the set", "80 %", [one.in_set for one in changed])
     yield share("one change: named, and not one of the names is right", "at most 5 %",
-                [bool(own.left) and not own.in_set for own in changed])  # fmt: skip
+                [bool(one.left) and not one.in_set for one in changed])  # fmt: skip
     yield share("one change: a wrong name first", "at most 5 %",
-                [bool(own.left) and own.left[0] not in own.right for own in changed])  # fmt: skip
-    yield share("location within a tenth of the length, of those named", "80 %", [own.placed for own in placed])
+                [bool(one.left) and one.left[0] not in one.right for one in changed])  # fmt: skip
+    yield share("location within a tenth of the length, of those named", "80 %", [one.placed for one in placed])
     yield share("intervals of 90 % hold the size", "80 to 97 %",
-                [own.kind_size[1] <= own.size <= own.kind_size[2] for own in sized])  # fmt: skip
+                [one.kind_size[1] <= one.size <= one.kind_size[2] for one in sized])  # fmt: skip
     yield share("loose bolts: the right clamp is in the answer", "80 %",
-                [own.in_set and own.part == f"clamp {own.values['number']:.0f}" for own in bolts])  # fmt: skip
+                [one.in_set and one.part == f"clamp {one.values['number']:.0f}" for one in bolts])  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -495,4 +495,4 @@ def study_of(number: int, record: Path, first: int = FIRST_SEED) -> list[Pair]:
     """Return the pairs of so many laboratories; those that a record holds are read back, others are added to it."""
     asked = [(seed,) for seed in range(first, first + number)]
     found = study(asked, solved, record, Laboratory, lambda case: (case.seed,))
-    return [pair for own in found for pair in own.pairs]
+    return [pair for one in found for pair in one.pairs]

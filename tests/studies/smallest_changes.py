@@ -85,7 +85,7 @@ def solved(seed: int, structure: str, planted: str) -> Smallest:
     number, n = len(REFERENCES), len(REFERENCES)
     before = [bench.modes(i) for i in range(number + 1)]
     scatter = bench.scatter(before)
-    tests = tuple(bench.test(i, own) for i, own in enumerate(before[:n]))
+    tests = tuple(bench.test(i, one) for i, one in enumerate(before[:n]))
     reference = fitted(Measured(seed=seed, structure=structure, tests=tests, planted=()))
     right = DRAWS[planted].right if structure == "stack" else PLATE_DRAWS[planted][3]
     after = [bench.modes(number, bench.drawn(0, planted, STEP ** (k - N_SIZE // 2))) for k in range(N_SIZE)]
@@ -101,7 +101,7 @@ def solved(seed: int, structure: str, planted: str) -> Smallest:
         structure=structure,
         planted=planted,
         scatter=scatter,
-        moved=tuple(bench.moved(before[n], own) / scatter for own in after),
+        moved=tuple(bench.moved(before[n], one) / scatter for one in after),
         beside=_first(beside),
         alone=_first(lambda k: not _named(bench.test(number, after[k]), structure) <= usual),
     )

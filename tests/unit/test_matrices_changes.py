@@ -38,7 +38,7 @@ def measured(structure, tmp_path_factory):
 @pytest.fixture(scope="module")
 def reference(structure, measured):
     states = [measured({"root_springs": value}, seed=i) for i, value in enumerate((SPRINGS, MOUNTED["again"]))]
-    return fit_matrices_reference(structure, [(f"r{i}", np.nan, own) for i, own in enumerate(states)])
+    return fit_matrices_reference(structure, [(f"r{i}", np.nan, one) for i, one in enumerate(states)])
 
 
 def nodes_of(structure, modes, m=12):
@@ -66,10 +66,10 @@ def test_what_is_held_otherwise_each_time_moves_frequencies_by_no_more_than_asse
     moved = {}
     for stated in (1e-6, 1.0):
         at = Situation(reference, [("same", np.nan, measured({}, seed=5))], stated)
-        weight = np.concatenate([own.weight.ravel() for own in at.joint.errors])
+        weight = np.concatenate([one.weight.ravel() for one in at.joint.errors])
         mode = np.repeat(np.arange(weight.size // at.ours.weight.shape[1]), at.ours.weight.shape[1])
-        own = np.where(mode[:, None] == mode, at.nuisance, 0.0)
-        moved[stated] = stated**2 * float(weight @ own @ weight) / (mode.max() + 1)  # mean square of eigenvalues
+        one = np.where(mode[:, None] == mode, at.nuisance, 0.0)
+        moved[stated] = stated**2 * float(weight @ one @ weight) / (mode.max() + 1)  # mean square of eigenvalues
     assert moved[1e-6] == pytest.approx(2e-12, rel=0.1)
     assert 1e-6 < moved[1.0] < 1e-2  # as known of springs and temperature
 
@@ -87,13 +87,13 @@ def test_what_is_held_otherwise_each_time_moves_frequencies_by_no_more_than_asse
 def test_a_change_is_named_and_placed(reference, measured, factors, added, kind, part, size):
     state = measured({"root_springs": SPRINGS, **factors}, added, seed=7)
     found = what_changed(reference, [("after", np.nan, state)], seen=True)
-    own = found.kind(kind)
+    one = found.kind(kind)
     assert found.left[0] == kind
-    assert part in own.part
-    assert 0.8 * own.lower < size < 1.2 * own.upper
+    assert part in one.part
+    assert 0.8 * one.lower < size < 1.2 * one.upper
     if added:
         place = 1e-3 * np.array(added[0][1][:2])
-        assert np.all(np.abs(np.array(own.place[:2]) - place) < 3.0 * np.array(own.place_std[:2]) + 0.02)
+        assert np.all(np.abs(np.array(one.place[:2]) - place) < 3.0 * np.array(one.place_std[:2]) + 0.02)
         assert found.map.sum() == pytest.approx(1.0)
         assert "Where: x = " in found.sentences[1]
         assert "end" not in found.sentences[1]
@@ -106,7 +106,7 @@ def test_without_locations_a_node_is_named_by_its_number(structure, measured):
     tests = []
     for modes in states:
         at = 1e-3 * modes.geometry.coordinate
-        near = [int(np.argmin(np.linalg.norm(structure.location - own, axis=1))) for own in 1e3 * at]
+        near = [int(np.argmin(np.linalg.norm(structure.location - one, axis=1))) for one in 1e3 * at]
         number = dict(zip(modes.geometry.node.tolist(), structure.node[near].tolist(), strict=True))
         geometry = replace(modes.geometry, node=structure.node[near])
         named = np.array([number[int(n)] for n in modes.node])
@@ -140,13 +140,13 @@ def test_every_kind_changes_the_equations_somewhere_or_says_why_it_cannot_be(nod
 
 
 def test_stated_terms_are_their_matrices_and_only_springs_to_ground_are_mounted_anew(nodes, structure):
-    for own in nodes.stated:
-        (part,) = own.parts
-        (term,) = (t for t in structure.terms if t.factor == own.name)
+    for one in nodes.stated:
+        (part,) = one.parts
+        (term,) = (t for t in structure.terms if t.factor == one.name)
         expected = nodes.vectors.T @ (term.matrix @ nodes.vectors)
         made = np.einsum("pRi,p,pRj->ij", part.rows, part.weight.toarray()[0], part.rows)
         np.testing.assert_allclose(made, expected, atol=1e-9 * np.abs(expected).max())
-    assert {own.name: own.there for own in nodes.stated} == {
+    assert {one.name: one.there for one in nodes.stated} == {
         "root_springs": True, "strip": True, "tip_mass": False,
     }  # fmt: skip
     (held,) = nodes.grounded
@@ -196,7 +196,7 @@ def test_a_large_mass_is_closer_once_the_answer_of_the_structure_is_in(nodes, st
     at = np.linalg.norm(structure.location - PLACE, axis=1) < 1e-6
     value, vector = sla.eigsh(stiffness, 7, sp.csc_matrix(mass + size * sp.diags_array(at.astype(float))), sigma=-1e4)
     found = situation(nodes, matrices, value, vector)
-    kind = next(own for own in kinds() if own.name == "added_mass")
+    kind = next(one for one in kinds() if one.name == "added_mass")
     candidates = kind.candidates(nodes, PLACE)
     (change,) = Condensed(found).changes(kind, candidates, 0)
     error = found.joint.errors[0].latent.gap * found.ours.weight
@@ -206,7 +206,7 @@ def test_a_large_mass_is_closer_once_the_answer_of_the_structure_is_in(nodes, st
 
 
 def test_what_is_tuned_is_weighed_between_the_tunings_that_are_tried(nodes, structure):
-    size, kind = 0.05, next(own for own in kinds() if own.name == "absorber")
+    size, kind = 0.05, next(one for one in kinds() if one.name == "absorber")
     candidates = kind.candidates(nodes, PLACE)
     tuned, n = candidates.parts[0].resonance, candidates.n // 3
     i = 2 + 3 * int(np.argmin(np.abs(tuned[::3] - (2.0 * np.pi * 200.0) ** 2)))  # along z
