@@ -38,11 +38,11 @@ from ema.plot import palette
 base = next(one for one in found.ranking if not one.parts)
 figure = Figure(figsize=(7.0, 3.0), layout="constrained")
 axes = figure.subplots()
-for shift, own, label, color in (
+for shift, answer, label, color in (
     (-0.2, base, "base model", palette.BASE),
     (0.2, found.best, "with what was found", palette.FOUND),
 ):
-    errors = (own.frequency_error, own.left_out_error, own.left_out_torque_error)
+    errors = (answer.frequency_error, answer.left_out_error, answer.left_out_torque_error)
     axes.bar(np.arange(3) + shift, 100.0 * np.array(errors), 0.38, label=label, color=color)
 axes.set_xticks(range(3), ["fitted", "a specimen left out", "a torque left out"])
 axes.set_ylabel("mean frequency error [%]")

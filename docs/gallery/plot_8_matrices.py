@@ -28,9 +28,11 @@ print(reduced.size, {name: f"{error:.1e}" for name, error in reduced.left.freque
 # The terms of the file alone cannot make up for what is missing.
 (identified,) = ema.identify(ema.read_campaign(DATA / "matrices_example/campaign.toml"))
 fit = updating.fit_matrices(structure, identified.modal_model, threshold=0.7)
-for own in fit.moved:
-    pulled = own.deviations or 0.0
-    print(f"{own.label}: {own.value:.3g}, stated {own.stated:.3g}, pulled by {pulled:+.1f} deviations of its prior")
+for moved in fit.moved:
+    pulled = moved.deviations or 0.0
+    print(
+        f"{moved.label}: {moved.value:.3g}, stated {moved.stated:.3g}, pulled by {pulled:+.1f} deviations of its prior"
+    )
 print("\n".join(fit.findings))
 
 # %%

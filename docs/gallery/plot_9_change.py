@@ -26,9 +26,9 @@ modes = {
 # Has it changed? That needs no model: every frequency, damping ratio and shape is tested against what assemblies
 # scatter by. What the repair did is too little to be seen so.
 reference = ("before", "before_again")
-for own in modes.values():
+for states in modes.values():
     for state in ("control", "after"):
-        print(ema.change_sentence(ema.change([own[state]], [own[before] for before in reference])))
+        print(ema.change_sentence(ema.change([states[state]], [states[before] for before in reference])))
 
 # %%
 # What changed, and where, takes a model that is fitted to the reference. Of thousands of locations, sizes and
@@ -40,10 +40,10 @@ from updating.diagnosis.candidates import candidate_model, instruments_of
 stack = replace(model.read_stack(DATA / "hidden_effect/stack.toml"), mesh=model.Mesh(n_x=12, n_y=3))
 candidates = candidate_model(stack, instruments_of(modes["change_a"]["before"]), {})
 answers = {}
-for name, own in modes.items():
+for name, states in modes.items():
     pressure = campaigns[name].configuration("before").pressure
-    fitted = fit_reference(candidates, [(before, pressure, own[before]) for before in reference])
-    answers[name] = what_changed(fitted, [("after", pressure, own["after"])], seen=True)
+    fitted = fit_reference(candidates, [(before, pressure, states[before]) for before in reference])
+    answers[name] = what_changed(fitted, [("after", pressure, states["after"])], seen=True)
     print("\n".join(answers[name].sentences))
 
 # %%

@@ -57,10 +57,10 @@ found = updating.diagnose(
 )
 print(found.sentences[0])
 for effects in ((), ("pressure_exponent",)):
-    own = found.ranked(effects)
+    ranked = found.ranked(effects)
     print(
-        f"{' + '.join(('base', *effects))}: error {100 * own.frequency_error:.2f} %, "
-        f"left out {100 * own.left_out_error:.2f} %"
+        f"{' + '.join(('base', *effects))}: error {100 * ranked.frequency_error:.2f} %, "
+        f"left out {100 * ranked.left_out_error:.2f} %"
     )
-for p in own.parameter:
+for p in ranked.parameter:
     print(f"  {p.name} = {p.value:.4g} {p.unit}, {p.lower:.4g} to {p.upper:.4g}")
