@@ -35,13 +35,12 @@ from updating.diagnosis.matrices_candidates import DRIVE, candidates_of
 from updating.diagnosis.stack_model import n_gain, state_of
 from updating.errors import PairingError
 from updating.inference.explain import Explanation
-from updating.inference.protocol import Change, Coordinate, Modal, Term
+from updating.inference.protocol import FARTHEST, Change, Coordinate, Modal, Term
 
 Vector = NDArray[np.float64]
 
 WHOLE: dict[Target, str] = {"K": "stiffness", "M": "mass", "C": "damping"}
 """Nuisances: factors of what no term of the structure file has."""
-_FARTHEST = 8.0  # prior standard deviations that a nuisance may move
 _MOST_BASES = 6
 
 
@@ -141,7 +140,7 @@ class MatricesModel:
             if name in stated:
                 one = stated[name]
                 low, high = (self._coordinate(name, end) for end in (one.lower, one.upper))
-                far = _FARTHEST * one.std
+                far = FARTHEST * one.std
                 found.append(
                     Coordinate(
                         name=name, std=one.std, lower=max(low, -far), upper=min(high, far), step=min(one.std, 0.3),
@@ -283,7 +282,7 @@ _LABELS = {
 
 
 def _known(name: str, std: float, step: float) -> Coordinate:
-    return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=step)
+    return Coordinate(name=name, std=std, lower=-FARTHEST * std, upper=FARTHEST * std, step=step)
 
 
 def _placed(

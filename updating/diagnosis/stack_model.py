@@ -42,13 +42,12 @@ from updating.diagnosis.moved import moved
 from updating.diagnosis.slipping import slip_effect
 from updating.diagnosis.stack_near import RATIOS, RIGID, StackNear
 from updating.inference.explain import Explanation
-from updating.inference.protocol import Coordinate, State, Term
+from updating.inference.protocol import FARTHEST, Coordinate, State, Term
 
 Vector = NDArray[np.float64]
 
 _BELOW = 0.3  # of the lowest measured frequency, for what is held may have modes as low as rigid-body motion has
 _LIKE = 0.05  # of the logarithm of contact stiffness and pressure, within which one answer does
-_FARTHEST = 8.0  # prior standard deviations that a nuisance may move
 
 
 class StackModel:
@@ -215,7 +214,7 @@ class StackModel:
             ]
 
         def known(name: str, std: float, step: float) -> Coordinate:
-            return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=step)
+            return Coordinate(name=name, std=std, lower=-FARTHEST * std, upper=FARTHEST * std, step=step)
 
         coordinates += [known("young", s.young, 0.02), known("density", s.density, 0.01)]
         if self.touching:

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 
+FARTHEST = 8.0
+"""Standard deviations of its prior that a nuisance may move: none does so by chance."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class State:

@@ -15,7 +15,7 @@ from updating.diagnosis.fit_settings import Scope as Where
 from updating.diagnosis.stack_model import StackModel
 from updating.diagnosis.stack_near import StackNear
 from updating.inference.levels import MISSING
-from updating.inference.protocol import Coordinate, Modal, State, Term
+from updating.inference.protocol import FARTHEST, Coordinate, Modal, State, Term
 from updating.pooled.specimen import Group, Level, Specimen, height_ratio
 
 CONTACT_SPREAD = 0.5
@@ -25,7 +25,6 @@ SHARED_PART = 0.5
 SCATTER = {"G_f": 0.2, "d_f": 0.4}
 """Standard deviations of ln G_f and ln d_f from specimen to specimen before any was measured: table 6 of Pirnat, Cepon
 and Boltezar (2013) has 0.2 and 0.5 over six stacks."""
-_FARTHEST = 8.0  # prior standard deviations that a nuisance may move
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +81,7 @@ def nuisances_of(
             if name in CONTACT:
                 std = scatter[name]
                 coordinate = replace(
-                    c, name=key, std=std, lower=-_FARTHEST * max(std, 0.1), upper=_FARTHEST * max(std, 0.1)
+                    c, name=key, std=std, lower=-FARTHEST * max(std, 0.1), upper=FARTHEST * max(std, 0.1)
                 )
             else:
                 coordinate = _scaled(c, key, np.sqrt(1.0 - SHARED_PART))
@@ -205,7 +204,7 @@ def terms_of(
 
 
 def _normal(name: str, std: float) -> Coordinate:
-    return Coordinate(name=name, std=std, lower=-_FARTHEST * std, upper=_FARTHEST * std, step=0.1, longest=0.4)
+    return Coordinate(name=name, std=std, lower=-FARTHEST * std, upper=FARTHEST * std, step=0.1, longest=0.4)
 
 
 def named(effect: str, level: Level) -> str:
