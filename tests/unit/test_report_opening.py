@@ -193,3 +193,13 @@ def test_the_outside_of_a_block_has_every_face_once():
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     assert area.sum() == pytest.approx(2 * (3 * 2 + 3 * 1 + 2 * 1))
     assert [area[box == k].sum() for k in (0, 1)] == pytest.approx([2 * (2 + 1) + 2, 2 * (4 + 2) + 2])
+
+
+@pytest.mark.parametrize(("verdict", "badge"), [("unchanged", "no change seen"), ("identified", "changed")])
+def test_what_only_a_model_sees_is_a_change(verdict, badge):
+    named = SimpleNamespace(verdict=verdict, left=("glued_patch",), sentences=("sheets hold together more", "there"))
+    state = SimpleNamespace(
+        change=SimpleNamespace(changed=False), what_changed=named, fit=None,
+        measured=SimpleNamespace(frequency=np.ones(6)),
+    )  # fmt: skip
+    assert opening(results(tested=(state,))).badge == badge

@@ -178,7 +178,7 @@ def _of_a_fit(results: Results) -> Opening:
         )
     changes = [tested.change for tested in results.tested if tested.change is not None]
     if changes:
-        changed = any(change.changed for change in changes)
+        changed = any(_changed(tested) for tested in results.tested)
         return Opening(
             badge="changed" if changed else "no change seen",
             tone="found" if changed else "good",
@@ -195,12 +195,13 @@ def _of_a_fit(results: Results) -> Opening:
 
 def _changed_first(results: Results) -> list[Tested]:
     """Return the configurations, those first that have changed: they are what is asked for."""
+    return sorted(results.tested, key=lambda tested: not _changed(tested))
 
-    def changed(tested: Tested) -> bool:
-        seen = tested.change is not None and tested.change.changed
-        return seen or (tested.what_changed is not None and tested.what_changed.verdict != "unchanged")
 
-    return sorted(results.tested, key=lambda tested: not changed(tested))
+def _changed(tested: Tested) -> bool:
+    """Tell whether a configuration has changed, by itself or beside a model, which sees all modes together."""
+    seen = tested.change is not None and tested.change.changed
+    return seen or (tested.what_changed is not None and tested.what_changed.verdict != "unchanged")
 
 
 def _in_short(results: Results) -> list[str]:
