@@ -10,14 +10,14 @@ Mistaken for: a lower G_f; often not visible at all.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from model.contact.contact import ContactQuantity, contact_fields
+from model.contact.contact import contact_fields
 from model.effects.parts import contact_change
-from model.elements.equations import Assembly, Kron, Term, Theta
+from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import Effect, Parameter
 
 
@@ -29,12 +29,10 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the change over the interfaces."""
     field = contact_fields(assembly.stack, assembly.plan)
     share = np.linspace(-1.0, 1.0, assembly.stack.n_lamina - 1)
-
-    def krons(of: ContactQuantity, power: int) -> Callable[[str], tuple[Kron, ...]]:
-        return lambda axes: field[of].over_interfaces(share**power).tangential(axes=axes)
-
-    damping = (krons("pressure squared", 1), krons("pressure squared", 2))
-    return contact_change(assembly, "height_gradient", _change, krons("pressure", 1), damping)
+    stiffness = partial(field["pressure"].over_interfaces(share).tangential, 1.0)
+    damping = partial(field["pressure squared"].over_interfaces(share).tangential, 1.0)
+    squared = partial(field["pressure squared"].over_interfaces(share**2).tangential, 1.0)
+    return contact_change(assembly, "height_gradient", _change, stiffness, (damping, squared))
 
 
 EFFECT = Effect(

@@ -16,16 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from model.contact.contact import ContactField, ContactQuantity, contact_fields
+from model.contact.contact import contact_fields
 from model.effects.parts import under_laws
-from model.elements.equations import Assembly, Kron, Term, Theta
+from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
-
-_PARTS: tuple[tuple[str, str, ContactQuantity], ...] = (
-    ("tangential contact", "soft_interlayers", "pressure"),
-    ("tangential contact damping", "soft_interlayers damping", "pressure squared"),
-)
 
 
 def _change(t: Theta) -> Any:
@@ -40,15 +35,12 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     field = contact_fields(assembly.stack, assembly.plan)
     share = np.zeros(n)
     share[[n // 3, (2 * n) // 3]] = 1.0
-    return tuple(
-        term
-        for base, name, of in _PARTS
-        for term in under_laws(assembly, base, name, _change, partial(_krons, field[of].over_interfaces(share)))
+    stiffness = partial(field["pressure"].over_interfaces(share).tangential, 1.0)
+    damping = partial(field["pressure squared"].over_interfaces(share).tangential, 1.0)
+    return (
+        *under_laws(assembly, "tangential contact", "soft_interlayers", _change, stiffness),
+        *under_laws(assembly, "tangential contact damping", "soft_interlayers damping", _change, damping),
     )
-
-
-def _krons(field: ContactField, axes: str) -> tuple[Kron, ...]:
-    return field.tangential(axes=axes)
 
 
 EFFECT = Effect(
