@@ -44,16 +44,14 @@ from ema.modal.mac import (
     real_shape,
 )
 from ema.modal.read_modes import ReadModes, read_modes
-from ema.plot.figures import pick_poles
-from ema.plot.modal_model import turnable
+from ema.plot.figures import pick_poles, turnable
 from ema.quality.channels import check, usable
 from ema.quality.explained import ExplainedPower
 from ema.quality.linearity import check_force_levels, check_linearity
 from ema.quality.structure import content_digests, shared_functions
 from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, EmaError, IdentificationError, MeasurementError
-from ema.types.frf import FRF
-from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.frf import FRF, Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel, synthesize
 
 __all__ = [

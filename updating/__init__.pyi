@@ -7,9 +7,8 @@ from updating.correlation.correlation import (
     correlate_points,
     fdac,
 )
-from updating.correlation.criteria import cross_orthogonality, macxp, poles, subspace_mac
 from updating.correlation.localization import ErrorMap, Regions, map_error, regions
-from updating.correlation.pairing import Pairing, Track, pair, track
+from updating.correlation.pairing import Pairing, Track, cross_orthogonality, macxp, pair, poles, subspace_mac, track
 from updating.correlation.registration import Expansion, Registration, expand, register
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.diagnosis import diagnose

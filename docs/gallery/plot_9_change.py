@@ -49,7 +49,7 @@ for name, states in modes.items():
 # %%
 # The map of the probability of the location after the transport: one of the clamps.
 from updating.report.change_part import map_chart
-from updating.report.chart import printed
+from updating.report.part import printed
 
 transport = printed(map_chart(answers["change_a"]), (5.0, 3.8))
 

@@ -16,8 +16,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from ema.plot import palette
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.plots import SWELL, ShapePair, shape_pairs
-from updating.report.identified_model import with_models
-from updating.report.results import read_results
+from updating.report.results import read_results, with_models
 from updating.results.text import percent, together
 
 CONFIGURATION, MODE = 0, 2  # the shape that is shown, both from 0

@@ -25,13 +25,13 @@ from ema.campaign.campaign_file import (
 )
 from ema.campaign.estimate import Averaging
 from ema.io.found_modes import ModesStd
+from ema.io.measured_function import Unit, parse_unit
 from ema.io.sdynpy import holds_data_arrays
 from ema.io.table import TableLayout, read_points
 from ema.io.uff import FileUnits, read_uff_geometry, read_uff_units
-from ema.io.units import Unit, parse_unit
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
-from ema.types.geometry import Dof, Geometry
+from ema.types.frf import Dof, Geometry
 from lamella_shared import did_you_mean, read_form
 
 

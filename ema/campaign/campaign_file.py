@@ -16,11 +16,11 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ema.campaign.estimate import Averaging
 from ema.io.files import Section
+from ema.io.measured_function import parse_unit
 from ema.io.table import TableLayout
-from ema.io.units import parse_unit
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError, MeasurementError
-from ema.types.geometry import Dof
+from ema.types.frf import Dof
 from lamella_shared import did_you_mean
 
 FREQUENCY_SCATTER = 3e-3

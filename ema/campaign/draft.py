@@ -15,11 +15,10 @@ import numpy as np
 from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
 from ema.campaign.draft_histories import Set, is_of_force, of_motions_alone, side_by_side
 from ema.io.array_histories import read_wav
-from ema.io.contents import UNKNOWN, Code, Contents, dof_name, point_in
-from ema.io.guess_long import guess_long
-from ema.io.guess_table import guess_table, not_understood
+from ema.io.files import UNKNOWN, Code, Contents, dof_name, point_in
+from ema.io.guess_table import guess_long, guess_table, not_understood
 from ema.io.guess_variables import axis_keys, guess_variables, lone_axis
-from ema.io.measured_function import MeasuredFunction
+from ema.io.measured_function import NOT_UNDERSTOOD, MeasuredFunction, parse_unit
 from ema.io.sdynpy import holds_data_arrays, read_data_arrays
 from ema.io.table import point_columns, read_points, said_unit
 from ema.io.uff import (
@@ -34,7 +33,6 @@ from ema.io.uff import (
     read_uff_units,
 )
 from ema.io.uff58 import LABEL_OF_MOTION, cut
-from ema.io.units import NOT_UNDERSTOOD, parse_unit
 from ema.types.errors import CampaignError, MeasurementError
 
 _TEXT_SUFFIXES = (".csv", ".txt", ".dat", ".asc", ".prn", ".tsv", ".lvm", ".gz")

@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.estimate import find_hits
-from ema.io.array_histories import read_histories, read_wav
-from ema.io.contents import FORCE, UNKNOWN, Code, Contents, dofs_in, with_names
-from ema.io.guess_histories import PULSE, pulse_share
-from ema.io.measured_function import MeasuredFunction
+from ema.io.array_histories import PULSE, pulse_share, read_histories, read_wav
+from ema.io.files import FORCE, UNKNOWN, Code, Contents, dofs_in, with_names
+from ema.io.measured_function import MeasuredFunction, Unit, parse_unit
 from ema.io.sdynpy import read_data_arrays
 from ema.io.table import TableLayout, read_table
 from ema.io.uff import read_uff_functions
-from ema.io.units import Unit, parse_unit
 from ema.io.variables import VariableLayout
 from ema.types.errors import MeasurementError
 

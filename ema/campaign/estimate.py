@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ema.io.units import parse_unit
+from ema.io.measured_function import parse_unit
 from ema.types.errors import MeasurementError
 from lamella_shared import arrays
 

@@ -23,8 +23,7 @@ from ema.campaign.reading import (
 )
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import CampaignError, MeasurementError
-from ema.types.frf import DERIVATIVE, FRF, Quantity
-from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.frf import DERIVATIVE, FRF, Dof, Dofs, Geometry, Quantity
 from lamella_shared import readonly
 
 

@@ -27,11 +27,18 @@ from ema.campaign.estimate import (
 )
 from ema.io.array_files import is_cut_off
 from ema.io.array_histories import read_histories, read_wav
-from ema.io.measured_function import Channels, MeasuredFunction, is_uneven, records_in, said_of_rounded
+from ema.io.measured_function import (
+    Channels,
+    MeasuredFunction,
+    Unit,
+    is_uneven,
+    parse_unit,
+    records_in,
+    said_of_rounded,
+)
 from ema.io.sdynpy import read_data_arrays
 from ema.io.table import TableLayout, read_records, read_table
 from ema.io.uff import read_uff_functions
-from ema.io.units import Unit, parse_unit
 from ema.io.variables import read_variables
 from ema.types.errors import CampaignError, MeasurementError
 

@@ -32,8 +32,7 @@ from ema.identification.identify import identify_frf
 from ema.modal.configurations import compare
 from ema.quality.channels import check, usable
 from ema.types.errors import EmaError, MeasurementError
-from ema.types.frf import DERIVATIVE, FRF, Quantity
-from ema.types.geometry import Dofs, driving_points
+from ema.types.frf import DERIVATIVE, FRF, Dofs, Quantity, driving_points
 from ema.types.modal_model import ModalModel, synthesize
 from lamella_shared import arrays
 

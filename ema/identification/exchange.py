@@ -23,8 +23,7 @@ from ema.io.uff import write_uff
 from ema.modal.mac import complexity
 from ema.modal.read_modes import USUAL, completed, modal_model_of
 from ema.types.errors import IdentificationError, MeasurementError
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.frf import FRF, Dof, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel, synthesize
 from lamella_shared import frozen, plain_bytes
 

@@ -34,8 +34,7 @@ from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict, at_points
 from ema.types.arrays import single_threaded
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dofs, Geometry, driving_points
+from ema.types.frf import FRF, Dofs, Geometry, Quantity, driving_points
 from ema.types.modal_model import ModalModel, UnexplainedPeak
 
 _LOG = logging.getLogger(__name__)

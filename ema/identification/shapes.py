@@ -30,8 +30,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from ema.identification.evidence import FALSE_ALARM, MIN_COLLINEARITY, MIN_REALNESS, inflation
-from ema.types.frf import DERIVATIVE, FRF, Quantity
-from ema.types.geometry import Dofs, driving_points
+from ema.types.frf import DERIVATIVE, FRF, Dofs, Quantity, driving_points
 from ema.types.modal_model import ModalModel, synthesize
 
 

@@ -24,7 +24,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.units import si_label
+from ema.io.measured_function import si_label
 from ema.types.errors import MeasurementError
 
 _NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))

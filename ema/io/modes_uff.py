@@ -14,12 +14,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.found_modes import FoundModes, joined, without_unmeasured
-from ema.io.mode_titles import are_percent
+from ema.io.found_modes import FoundModes, are_percent, joined, without_unmeasured
 from ema.io.uff import mass_unit
 from ema.io.uff58 import DataSet, cut
 from ema.types.errors import MeasurementError
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 
 MODE_SETS = ("55", "2414")
 _FUNCTIONS = ("58", "58b")

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, NPY, numpy_header
 from ema.io.found_modes import FoundModes, joined, without_unmeasured
-from ema.io.measured_function import Kind, MeasuredFunction
-from ema.io.units import Unit
+from ema.io.measured_function import Kind, MeasuredFunction, Unit
 from ema.types.errors import MeasurementError
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from lamella_shared import plain_bytes
 
 FUNCTION_FIELDS = frozenset(("abscissa", "ordinate", "coordinate"))

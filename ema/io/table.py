@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from ema.io.contents import Code, dof_of_cells, from_polar
-from ema.io.measured_function import MeasuredFunction, require_ascending
+from ema.io.files import Code, dof_of_cells, from_polar
+from ema.io.measured_function import MeasuredFunction, Unit, require_ascending
 from ema.io.rows import (
     SEPARATORS,
     Segment,
@@ -27,9 +27,8 @@ from ema.io.rows import (
     ungrouped,
     unpacked,
 )
-from ema.io.units import Unit
 from ema.types.errors import MeasurementError
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from lamella_shared import plain_bytes
 
 _BEYOND = "beyond the last column"

@@ -19,9 +19,8 @@ import numpy as np
 import pyuff
 from numpy.typing import NDArray
 
-from ema.io.contents import dofs_in
-from ema.io.files import whole
-from ema.io.measured_function import Kind, MeasuredFunction
+from ema.io.files import dofs_in, whole
+from ema.io.measured_function import Kind, MeasuredFunction, Unit, parse_unit
 from ema.io.uff58 import (
     DataSet,
     Record58,
@@ -33,10 +32,8 @@ from ema.io.uff58 import (
     read_58,
     with_axes_along,
 )
-from ema.io.units import Unit, parse_unit
 from ema.types.errors import MeasurementError
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Geometry
+from ema.types.frf import FRF, Geometry, Quantity
 from ema.types.modal_model import ModalModel
 
 Dimension = Literal["frequency", "time"]

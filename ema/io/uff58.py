@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.types.errors import MeasurementError
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
 
 Content = bytes | mmap.mmap

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from ema.io.array_files import ArrayInFile, array, arrays_in
-from ema.io.contents import from_polar
-from ema.io.measured_function import MeasuredFunction
-from ema.io.units import Unit
+from ema.io.files import from_polar
+from ema.io.measured_function import MeasuredFunction, Unit
 from ema.types.errors import MeasurementError
 
 Name = Annotated[str, AfterValidator(lambda name: name.lstrip("/"))]  # HDF5 tools show names from the root

@@ -17,7 +17,7 @@ from ema.io.sdynpy import read_modes_numpy
 from ema.modal.mac import check_complexity
 from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, MeasurementError
-from ema.types.geometry import Dof, Dofs, Geometry, driving_points
+from ema.types.frf import Dof, Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel
 
 FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01

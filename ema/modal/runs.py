@@ -19,7 +19,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ema.modal.mass_cancellation import BareModes, RovedModes, without_sensors
-from ema.types.geometry import Dofs, driving_points
+from ema.types.frf import Dofs, driving_points
 from ema.types.modal_model import ModalModel, frequency_text, synthesize
 
 

@@ -27,8 +27,7 @@ from ema.quality.structure import channel_label, formless, repeated, run_states
 from ema.quality.verdict import Verdict
 from ema.types.arrays import in_blocks, inner_products
 from ema.types.errors import MeasurementError
-from ema.types.frf import DERIVATIVE, FRF
-from ema.types.geometry import Dofs
+from ema.types.frf import DERIVATIVE, FRF, Dofs
 
 _MIN_OTHERS = 6
 """Fewer channels do not hold the resonances that another one should be made of."""

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict, listing
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dofs
+from ema.types.frf import FRF, Dofs, Quantity
 from ema.types.modal_model import ModalModel, synthesize_runs
 from lamella_shared import readonly
 

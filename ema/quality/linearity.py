@@ -13,8 +13,7 @@ from ema.quality.channels import check, usable
 from ema.quality.peaks import Peak, peaks, summed_power
 from ema.quality.verdict import Verdict
 from ema.types.errors import MeasurementError
-from ema.types.frf import DERIVATIVE, FRF
-from ema.types.geometry import Dofs
+from ema.types.frf import DERIVATIVE, FRF, Dofs
 
 NOT_LINEAR = ": not linear"
 """End of the finding on a resonance that moves with the force."""

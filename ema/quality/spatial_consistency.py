@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from ema.quality.peaks import peaks, residues
 from ema.quality.verdict import Verdict
 from ema.types.arrays import inner_products
-from ema.types.frf import FRF
-from ema.types.geometry import Geometry
+from ema.types.frf import FRF, Geometry
 
 
 def negative_share(mobility: NDArray[np.complex128]) -> float:

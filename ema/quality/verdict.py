@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from ema.types.geometry import Dofs
+from ema.types.frf import Dofs
 
 
 @dataclass(frozen=True, kw_only=True)

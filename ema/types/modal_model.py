@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.types.errors import IdentificationError
-from ema.types.frf import DERIVATIVE, Quantity
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import DERIVATIVE, Dofs, Geometry, Quantity
 from lamella_shared import Shown, arrays, readonly
 
 RESOLVED = 0.01

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ema.io.measured_function import parse_unit
 from ema.io.table import TableLayout, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry
-from ema.io.units import parse_unit
 from ema.types.errors import MeasurementError
 
 REALDATA = Path(__file__).parents[2].parent / "shared/realdata"

@@ -14,8 +14,7 @@ from updating.diagnosis import cached_model
 from updating.diagnosis.answer import Diagnosis, Sizes
 from updating.diagnosis.diagnosis import diagnose
 from updating.errors import FitError
-from updating.report.identified_model import with_models
-from updating.report.results import read_results
+from updating.report.results import read_results, with_models
 from updating.results.ledger import Ledger
 from updating.results.store import read_result
 from updating.results.text import interval_text, percent

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from ema.campaign.campaign_file import CampaignFile
 from model.stack.stack_file import StackFile
-from updating.commands import diagnose, specimens, update
+from updating.commands import diagnose, update
 from updating.commands.command_line import app
 from updating.commands.update import UpdateFile
 from updating.diagnosis.evidence import ScatterFile
@@ -655,7 +655,7 @@ def test_a_command_takes_every_key(folder, monkeypatch, undrawn, name):
         raise ReachedError
 
     monkeypatch.setattr(diagnose, "diagnose_stack", reached)  # they take minutes
-    monkeypatch.setattr(specimens, "diagnose_specimens", reached)
+    monkeypatch.setattr(diagnose, "diagnose_specimens", reached)
     monkeypatch.setattr(update, "joint_fit", reached)
     if name == "specimens":
         done = CliRunner().invoke(app, ["ema", "campaign.toml", "-o", "earlier"])

@@ -23,11 +23,10 @@ from updating.errors import StoreError
 from updating.report import page as page_module
 from updating.report.files import NAMES, print_pdf
 from updating.report.frf_part import frf_picture
-from updating.report.identified_model import Addition, identified_model
 from updating.report.modes_part import modes_section, shape_section
 from updating.report.page import titles, write_report
 from updating.report.part import Gallery, Picture, Section, of_model, packed, renderer
-from updating.report.results import read_results
+from updating.report.results import Addition, identified_model, read_results
 from updating.results.text import Z95, Table, uncertain
 
 BROWSER = next(filter(None, map(shutil.which, NAMES)), None)

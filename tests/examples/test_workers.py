@@ -13,8 +13,8 @@ import pytest
 from rich.console import Console
 
 from updating.commands.command_line import main
+from updating.commands.diagnose import diagnose_pooled
 from updating.commands.fit import fit_campaign
-from updating.commands.specimens import diagnose_pooled
 from updating.errors import WorkerError
 from updating.workers import workers as workers_module
 from updating.workers.workers import distribute, workers

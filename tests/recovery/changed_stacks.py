@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from tests.independent.campaign import (
     KINDS,
     SHAKER,

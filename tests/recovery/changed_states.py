@@ -11,8 +11,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from ema.modal.change import change
-from ema.types.geometry import Dof, Dofs, Geometry
-from updating.pooled.modal_files import assembled
+from ema.types.frf import Dof, Dofs, Geometry
+from updating.pooled.specimen import assembled
 
 N_MODE = 10
 SEEN = slice(0, 7)

@@ -21,24 +21,23 @@ from ema.io.array_histories import read_histories, read_wav
 from ema.io.found_modes import read_modes_table
 from ema.io.guess_table import guess_table
 from ema.io.guess_variables import guess_variables
+from ema.io.measured_function import parse_unit
 from ema.io.modes_uff import read_modes_uff
 from ema.io.sdynpy import read_data_arrays, read_modes_numpy
 from ema.io.table import TableLayout, read_points, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
-from ema.io.units import parse_unit
 from ema.io.variables import VariableLayout, read_variables
 from ema.modal.read_modes import modal_model_of
 from ema.quality.channels import check
 from ema.types.errors import EmaError, IdentificationError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from tests.studies.published.campaign import read_published
 from tests.studies.published.modal_table import read_modal_table
 from updating import LAMELLA_ERRORS
 from updating.commands.update import read_update_file
 from updating.errors import StoreError
 from updating.pooled.campaign_file import read_specimens, specimens_of
-from updating.pooled.modal_files import classes
+from updating.pooled.specimen import classes
 from updating.results.store import read_document, read_frf, write_frf
 from updating.virtual.vibration_test import read_virtual_test
 

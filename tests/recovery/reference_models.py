@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 import ema
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import Dofs, Geometry
 from tests.independent.campaign import SHAKER, Plan, TableNoise, modal_tables, simulate
 
 

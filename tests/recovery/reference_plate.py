@@ -15,7 +15,7 @@ import skfem
 from numpy.typing import NDArray
 from skfem.helpers import dd, ddot, dot, eye, grad, trace
 
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import Dofs, Geometry
 from ema.types.modal_model import ModalModel
 
 Array = NDArray[np.float64]

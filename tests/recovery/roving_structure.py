@@ -6,8 +6,7 @@ The equations of each run are solved by themselves, with its sensors on it; noth
 import numpy as np
 import scipy.linalg as la
 
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 N, SENSORS, FORCE = 12, 2, 3
 RUN = np.arange(N) // SENSORS

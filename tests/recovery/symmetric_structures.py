@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 DAMPING = 0.004
 

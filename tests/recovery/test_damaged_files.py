@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ema.io.units import parse_unit
+from ema.io.measured_function import parse_unit
 from ema.types.errors import EmaError
 from tests.recovery.damaged_readers import READERS, UNIVERSAL, write_files
 

@@ -9,8 +9,7 @@ import pytest
 
 from ema.identification.functions import coherence_weight
 from ema.identification.identify import identify_frf
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 FREQUENCY = np.arange(100.0, 700.0, 0.5)
 MODES = np.array([180.0, 330.0, 560.0])

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from ema.identification.identify import identify_frf
 from ema.modal.mac import mac
 from ema.types.errors import IdentificationError, MeasurementError
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel, synthesize
 
 REAL = Path(__file__).parents[2].parent / "shared/realdata"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import model
-from ema.types.geometry import Dofs
+from ema.types.frf import Dofs
 from tests.studies.blind import blind_test, simulated
 from updating.diagnosis.candidates import candidate_model
 from updating.diagnosis.diagnosis import diagnose

@@ -14,8 +14,7 @@ from ema.campaign.campaign import Configuration
 from ema.campaign.estimate import clipped_share
 from ema.campaign.measurement import Measurement
 from ema.quality.channels import check
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 NX, NY = 11, 4
 FAULTS = ("swapped", "sign", "sign of runs", "scale", "dead", "clipped")  # the first word is the check that tells

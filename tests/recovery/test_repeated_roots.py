@@ -7,8 +7,7 @@ import pytest
 
 from ema.identification.doubtful_modes import check_references
 from ema.identification.identify import identify_frf
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from tests.recovery.symmetric_structures import DAMPING, square_plate, stator_ring
 
 

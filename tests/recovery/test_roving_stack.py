@@ -11,8 +11,7 @@ import pytest
 from ema import identify, read_campaign
 from ema.identification.identify import identify_frf
 from ema.modal.runs import run_changes
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from tests.independent.campaign import SENSORS, SHAKER, Configuration, Plan, simulate, write_campaign
 from tests.independent.layered import Layered
 from tests.independent.solid import Solid

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import model
-from ema.types.frf import place_in_run
-from ema.types.geometry import Dofs
+from ema.types.frf import Dofs, place_in_run
 from ema.types.modal_model import ModalModel
 from model import Mesh, ReducedSystem
 from tests.enrichment import enriched

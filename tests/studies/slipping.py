@@ -11,7 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import model
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from model.effects.contact_slip import STRAIN
 from tests.independent.campaign import SHAKER, STACK
 from tests.independent.slipping_modes import BAND, STATE, SlippingTest, slipping_test

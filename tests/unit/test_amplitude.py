@@ -13,8 +13,7 @@ from ema.identification.amplitude import Level, amplitude_dependence, identify_f
 from ema.identification.identify import identify_frf
 from ema.plot.figures import amplitude_figure
 from ema.types.errors import MeasurementError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from updating.commands.command_line import ema
 from updating.results.campaign import over_amplitude, stored_amplitude
 from updating.results.identified import assignments, read_back

@@ -14,8 +14,7 @@ from scipy.io import savemat, wavfile
 import ema
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
-from ema.io.array_histories import read_histories, read_wav
-from ema.io.guess_histories import guess_histories, pulse_share
+from ema.io.array_histories import guess_histories, pulse_share, read_histories, read_wav
 from ema.io.measured_function import is_uneven, rate_of_rounded
 from ema.io.table import TableLayout, read_table
 from ema.io.variables import VariableLayout

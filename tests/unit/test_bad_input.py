@@ -16,8 +16,7 @@ import pytest
 
 from ema.campaign.campaign import read_campaign
 from ema.io.uff import write_uff
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from updating.commands.command_line import main
 from updating.results import identified
 from updating.results.identified import assignments

@@ -9,8 +9,7 @@ from ema.identification.evidence import unexplained_peaks
 from ema.identification.functions import Functions
 from ema.identification.identify import identify_frf
 from ema.identification.run_poles import run_poles
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 LINES = np.arange(20.0, 1000.0, 0.5)
 POLE = 2 * np.pi * np.array([120.0, 300.0]) * (1j - 0.002)

@@ -7,8 +7,7 @@ from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.io.uff import write_uff
 from ema.types.errors import CampaignError, MeasurementError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 GEOMETRY = Geometry(node=[1, 2, 3, 4, 9, 11, 12, 13, 45], coordinate=np.eye(9, 3), line=[[1, 2]])
 FREQUENCY = 1.0 * np.arange(1, 41)

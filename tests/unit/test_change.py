@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ema import IdentificationError, Reassembly, change, change_csv, change_sentence
-from ema.types.geometry import Dof, Dofs, Geometry
-from updating.pooled.modal_files import assembled
+from ema.types.frf import Dof, Dofs, Geometry
+from updating.pooled.specimen import assembled
 from updating.workbench import comparison_panel
 
 N = 12

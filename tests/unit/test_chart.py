@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ema.plot import palette
-from updating.report.chart import Chart, axis, printed
 from updating.report.modes_part import mac_chart
+from updating.report.part import Chart, axis, printed
 
 SIZE = (6.0, 4.0)
 

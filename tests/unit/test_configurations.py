@@ -13,7 +13,7 @@ import pytest
 from ema import CampaignError, Comparison, Configuration, read_campaign, repeats
 from ema.modal.configurations import contradicted, factor_text
 from ema.quality.structure import content_digests, shared_functions
-from ema.types.geometry import Dofs
+from ema.types.frf import Dofs
 
 N_DOF, FREQUENCY = 6, (np.array([200.0, 300.0, 450.0]), np.array([240.0, 370.0, 560.0]))
 SHAPE = np.random.default_rng(1).normal(size=(N_DOF, 8))

@@ -16,8 +16,7 @@ from ema.identification.functions import resonant
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import stabilization
 from ema.quality.explained import check_explained, explained_power
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs
+from ema.types.frf import FRF, Dofs
 from ema.types.modal_model import UnexplainedPeak
 from tests.unit.test_selection import LINES, beam, functions, identified
 

@@ -11,8 +11,7 @@ from ema.identification.identify import identify
 from ema.quality.channels import check
 from ema.quality.linearity import check_force_levels, check_linearity
 from ema.types.errors import CampaignError, MeasurementError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 FREQUENCY = np.arange(20.0, 500.0, 0.5)
 MODES = np.array([120.0, 210.0, 380.0])

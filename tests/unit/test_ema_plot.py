@@ -18,8 +18,7 @@ from ema.identification.identify import identify_frf
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.plot.figures import PolePicker, frf_figure, pick_poles, shape_figure, stabilization_figure
 from ema.types.errors import IdentificationError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from ema.types.modal_model import ModalModel
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from updating.correlation.criteria import cross_orthogonality
+from updating.correlation.pairing import cross_orthogonality
 from updating.correlation.registration import expand, pseudo_orthogonality
 from updating.errors import PairingError
 

@@ -15,11 +15,10 @@ from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
-from ema.io.contents import unit_in
-from ema.io.measured_function import records_in
+from ema.io.files import unit_in
+from ema.io.measured_function import parse_unit, records_in
 from ema.io.uff import read_uff_functions
 from ema.io.uff58 import encode_58b
-from ema.io.units import parse_unit
 from ema.io.variables import VariableLayout, read_variables
 from ema.quality.channels import check
 from ema.types.errors import CampaignError, MeasurementError

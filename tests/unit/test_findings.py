@@ -7,7 +7,7 @@ import pytest
 
 from ema import Verdict
 from ema.modal.runs import run_changes
-from ema.types.geometry import Dofs
+from ema.types.frf import Dofs
 from updating.results.identified import quality
 
 MODES = np.array([100.0, 200.0, 300.0])

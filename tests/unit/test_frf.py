@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ema.types.frf import FRF, place_in_run
-from ema.types.geometry import Dofs
+from ema.types.frf import FRF, Dofs, place_in_run
 
 FREQUENCY = np.arange(0.0, 50.0, 2.0)
 OMEGA = 2 * np.pi * FREQUENCY

@@ -10,7 +10,7 @@ from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file
 from ema.campaign.measurement import read_measurement
-from ema.io.contents import unit_in
+from ema.io.files import unit_in
 from ema.io.uff58 import encode_58b
 from ema.types.errors import CampaignError, MeasurementError
 

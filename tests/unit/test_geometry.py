@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import Dofs, Geometry
 
 TURNED = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # rows: the local axes
 

@@ -15,13 +15,19 @@ from updating.diagnosis.answer import Diagnosis, Ranked
 from updating.diagnosis.explained_model import explained_stack
 from updating.errors import FitError
 from updating.fitting.fit import Fit, ParameterEstimate, fit
-from updating.report import identified_model as module
+from updating.report import results as module
 from updating.report.answer import before_after_table, frac_sentence
-from updating.report.identified_model import Addition, identified_effects, identified_model, with_models
 from updating.report.modes_part import by_model, complexity_table, pair_tables
 from updating.report.page import render
 from updating.report.part import Picture, Section, of_model
-from updating.report.results import IdentifiedModel, Results
+from updating.report.results import (
+    Addition,
+    IdentifiedModel,
+    Results,
+    identified_effects,
+    identified_model,
+    with_models,
+)
 from updating.report.results import Tested as Configuration
 from updating.results.store import read_result, write_result
 from updating.results.text import Table

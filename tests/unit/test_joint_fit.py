@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ema.types.geometry import Dof, Dofs, Geometry
+from ema.types.frf import Dof, Dofs, Geometry
 from model import Mesh, Observation, find_effects, observe, read_stack, reduce, solve_modes
 from updating.diagnosis.candidates import candidate_model
 from updating.diagnosis.diagnosis import diagnose
@@ -15,8 +15,7 @@ from updating.diagnosis.evidence import DiagnosisScatter
 from updating.diagnosis.fit_settings import FitSettings
 from updating.errors import FitError
 from updating.pooled.joint_fit import entry_of, joint_fit
-from updating.pooled.modal_files import assembled
-from updating.pooled.specimen import Specimen
+from updating.pooled.specimen import Specimen, assembled
 from updating.results.store import digest
 
 STACK = dataclasses.replace(

@@ -9,10 +9,10 @@ import pytest
 
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
+from ema.io.measured_function import parse_unit
 from ema.io.table import read_points
-from ema.io.units import parse_unit
 from ema.plot.figures import as_png, shape_figure
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from model import read_stack
 from model.stack.stack_file import stack_inputs
 from updating.commands.update import read_update_file

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from updating.correlation.criteria import macxp, poles
+from updating.correlation.pairing import macxp, poles
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from ema.identification.identify import identify_frf
 from ema.types.errors import IdentificationError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from ema.types.modal_model import ModalModel, synthesize
 
 F = np.arange(1.0, 401.0, 0.5)

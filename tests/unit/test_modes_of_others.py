@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 import ema
 from ema.campaign.draft import draft
-from ema.campaign.draft_modes import draft_modes, modes_draft_file
+from ema.campaign.draft_file import draft_modes, modes_draft_file
 from ema.types.errors import CampaignError
 
 FREQUENCY, DAMPING = np.array([101.25, 207.5, 333.0]), np.array([0.004, 0.006, 0.011])

@@ -15,7 +15,7 @@ from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file, write_draft
 from ema.campaign.measurement import read_measurement
-from ema.io.contents import dof_name, dofs_in, unit_in
+from ema.io.files import dof_name, dofs_in, unit_in
 from ema.types.errors import CampaignError, EmaError
 from updating.commands.command_line import app
 

@@ -22,8 +22,7 @@ from typer.testing import CliRunner
 
 from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
-from ema.campaign.draft_file import draft_file
-from ema.campaign.draft_modes import draft_modes, modes_draft_file
+from ema.campaign.draft_file import draft_file, draft_modes, modes_draft_file
 from ema.campaign.measurement import read_measurement
 from ema.io.uff58 import encode_58b
 from ema.types.errors import CampaignError, MeasurementError

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 import model
 from ema import FRF, Dofs, Geometry, mac
 from ema.campaign.campaign_file import ConfigurationSection
+from ema.io.measured_function import parse_unit
 from ema.io.table import TableLayout, read_points, read_table
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
-from ema.io.units import parse_unit
 
 QUICK = settings(max_examples=25, deadline=None, database=None, derandomize=True)
 LONG = settings(max_examples=1000, deadline=None)

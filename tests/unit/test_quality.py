@@ -20,8 +20,7 @@ from ema.quality.channels import _passed, check, usable
 from ema.quality.peaks import find_peaks, peak_widths
 from ema.quality.verdict import CHECKS, label, meaning
 from ema.types.errors import MeasurementError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 FREQUENCY = np.arange(20.0, 500.0, 0.5)
 MODES = np.array([120.0, 210.0, 380.0])

@@ -11,10 +11,9 @@ import pytest
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
 from updating.report.answer import headline, opening, opening_section
 from updating.report.change_part import mode_changes, mode_picture, step_chart, step_picture, steps
-from updating.report.chart import printed
-from updating.report.location_part import _surface
-from updating.report.part import Picture, Section
+from updating.report.part import Picture, Section, printed
 from updating.report.results import Results
+from updating.report.state_part import _surface
 
 NAN = float("nan")
 LABELS = {"clamp_mass": "clamp mass", "weld_seam": "weld seams on the long sides", "own": "an own effect"}

@@ -9,9 +9,9 @@ import pytest
 from updating.diagnosis.answer import Diagnosis, ModeError, Moved, Ranked
 from updating.fitting.fit import ParameterEstimate
 from updating.report.answer import answer_section, moved_table
-from updating.report.chart import printed
 from updating.report.ledger_part import interval_table, ledger_chart, ledger_section, signature_chart, signature_section
 from updating.report.page import provenance_section, sections
+from updating.report.part import printed
 from updating.report.results import Results
 from updating.results.ledger import Entry
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import Dofs, Geometry
 from model import Contact, Material, Observation, Stack, observe, reduce, solve_modes
 from updating.correlation.rig_check import check_rig, upright
 from updating.errors import PairingError

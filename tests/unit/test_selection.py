@@ -12,8 +12,7 @@ from ema.identification.selection import peaks_to_report, take_in_peaks, try_pea
 from ema.quality.explained import ExplainedPower, check_explained, explained_power
 from ema.quality.peaks import noise_slope, peaks_of_any_width, peaks_over_noise, whitest
 from ema.types.errors import IdentificationError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 LINES = np.arange(20.0, 500.0, 0.5)
 

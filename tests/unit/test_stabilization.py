@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from ema.identification.stabilization import MIN_CHAIN, nearby_roots, stabilization
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs
+from ema.types.frf import FRF, Dofs
 
 F = np.arange(0.5, 1000.0, 0.5)
 

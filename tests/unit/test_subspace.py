@@ -5,7 +5,7 @@ import pytest
 
 from ema.modal.configurations import clusters
 from ema.modal.mac import mac
-from updating.correlation.criteria import rotate_onto, span_mac, subspace_mac
+from updating.correlation.pairing import rotate_onto, span_mac, subspace_mac
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from ema.io.measured_function import parse_unit
 from ema.io.table import TableLayout, read_points, read_table
-from ema.io.units import parse_unit
 from ema.types.errors import MeasurementError
 
 FREQUENCY = np.array([10.0, 10.5, 11.0])

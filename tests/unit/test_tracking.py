@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import model
-from updating.correlation.criteria import class_grid, cross_orthogonality, shape_classes
-from updating.correlation.pairing import pair, track
+from updating.correlation.pairing import class_grid, cross_orthogonality, pair, shape_classes, track
 from updating.errors import PairingError
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from ema.io.uff import read_uff_functions, read_uff_geometry, write_uff
 from ema.types.errors import MeasurementError
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 HEADER = """    -1
     58

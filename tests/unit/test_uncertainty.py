@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from ema.identification.identify import identify_frf
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 
 STEP, CENTRE = 1.0, 400.3
 LINES = np.arange(360.0, 440.0, STEP)

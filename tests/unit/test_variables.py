@@ -9,7 +9,7 @@ from scipy.io import savemat
 from ema.campaign.campaign import read_campaign
 from ema.campaign.measurement import read_measurement
 from ema.io import array_files
-from ema.io.units import parse_unit
+from ema.io.measured_function import parse_unit
 from ema.io.variables import VariableLayout, read_variables
 from ema.types.errors import CampaignError, MeasurementError
 

@@ -1,4 +1,4 @@
-"""The commands that ask what the model lacks, what changed, and which test would show more."""
+"""The commands that ask what the model lacks, what changed, and which test would show more, also of many specimens."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.console import Console
 from ema import Campaign, Change, change_sentence, read_campaign
 from ema.campaign.campaign_file import repeats_of
 from ema.types.arrays import single_threaded
-from model import Stack, catalogue, read_matrices, read_stack
+from model import Stack, catalogue, find_effects, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
 from updating.commands.terminal import MOST_EXPLANATIONS, OUT, print_lines, print_results, progress
@@ -26,7 +26,8 @@ from updating.diagnosis.slipping import AtLevel
 from updating.diagnosis.text import next_command, second_level_text
 from updating.errors import FitError
 from updating.fitting.fit import model_file, stack_in_state
-from updating.pooled.campaign_file import has_specimens
+from updating.pooled.campaign_file import has_specimens, read_specimens, specimens_of
+from updating.pooled.diagnosis import diagnose_specimens
 from updating.results.campaign import (
     AMPLITUDE,
     WHAT_CHANGED,
@@ -37,6 +38,7 @@ from updating.results.campaign import (
     stored_amplitude,
 )
 from updating.results.identified import Identified, assignments, every_identified, forget_choices
+from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, explanation_text, specimen_row
 from updating.results.store import kept, write_result
 from updating.results.text import Table, in_percent
 from updating.results.what_changed import WhatChanged
@@ -182,8 +184,6 @@ def diagnose_command(
     if identify_anew:
         forget_choices(output)
     if has_specimens(campaign):
-        from updating.commands.specimens import diagnose_pooled, print_pooled
-
         pooled = diagnose_pooled(campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster)
         print_pooled(pooled, output, OUT)
         return
@@ -378,3 +378,84 @@ def next_test_table(diagnosis: Diagnosis) -> Table:
     """Return the further tests, the one that separates best first."""
     rows = [(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}") for test in diagnosis.next_tests]
     return Table("Further tests", ("test", "smallest distance", "now"), rows)
+
+
+def diagnose_pooled(
+    campaign_file: Path,
+    output: Path,
+    effect_files: Sequence[Path],
+    console: Console,
+    *,
+    fitted: Sequence[str] | None = None,
+    scatter_file: Path | None = None,
+    cluster: str | None = None,
+) -> PooledDiagnosis:
+    """Diagnose all specimens of a campaign together, or fit effects of the rig to them, and write the answer.
+
+    What an earlier run left in pooled_diagnosis.json, or in pooled_fit.json, is read back.
+
+    Parameters
+    ----------
+    campaign_file, output : Path
+        The campaign and the folder for its results.
+    effect_files : sequence of Path
+        Files with effects of the user.
+    console : Console
+        Where progress is shown.
+    fitted : sequence of str, optional
+        Effects to fit; without them, all are asked about.
+    scatter_file : Path, optional
+        What a laboratory knows of what separates a right model from a right measurement.
+    cluster : str, optional
+        Address of a Dask scheduler.
+    """
+    known, asked = catalogue(effect_files), fitted is not None
+    effects = known if fitted is None else {effect.name: effect for effect in find_effects(fitted, known)}
+    scatter = None if scatter_file is None else read_scatter(scatter_file)
+    campaign = read_specimens(campaign_file)
+    assigned = () if campaign.measured is None else assignments(campaign.measured, output)
+    tests = every_identified(assigned, "identify", console, cluster) if assigned else ()
+    by_name = {test.configuration.name: test.modal_model for test in tests}
+    specimens = specimens_of(campaign, by_name.__getitem__)
+
+    def make() -> PooledDiagnosis:
+        with workers(MESSAGES, cluster) as executor, progress("fit" if asked else "diagnose", console):
+            return diagnose_specimens(
+                campaign.name, specimens, effects, asked=asked, scatter=scatter, executor=executor, reduced=cached_model
+            )
+
+    stated = () if scatter_file is None else (scatter_file,)
+    inputs = (*campaign.inputs, *(test.folder / "modal_model.json" for test in tests), *effect_files, *stated)
+    path = output / ("pooled_fit.json" if asked else "pooled_diagnosis.json")
+    options = {"effects": list(effects)} if asked else {}
+    return kept(path, PooledDiagnosis, make, inputs=inputs, options=options)
+
+
+def print_pooled(diagnosis: PooledDiagnosis, output: Path, console: Console) -> None:
+    """Print the answer, the explanations and the specimens."""
+    print_lines(console, diagnosis.sentences, indent="")
+    console.print(pooled_table(diagnosis))
+    console.print(Table("Specimens", SPECIMEN_HEADER, [specimen_row(specimen) for specimen in diagnosis.specimens]))
+    print_results(console, output)
+
+
+def pooled_table(diagnosis: PooledDiagnosis) -> Table:
+    """Return the explanations that were fitted in full, the most probable first."""
+    rows = [
+        (
+            explanation_text(explanation),
+            f"{explanation.probability:.3f}",
+            in_percent(explanation.frequency_error),
+            in_percent(explanation.left_out_error),
+            in_percent(explanation.left_out_torque_error),
+        )
+        for explanation in diagnosis.ranking[:MOST_EXPLANATIONS]
+    ]
+    header = (
+        "effects, and whose they are",
+        "proba-\nbility",
+        "f error\n[%]",
+        "specimen\nleft out\n[%]",
+        "torque\nleft out\n[%]",
+    )
+    return Table("Explanations", header, rows)

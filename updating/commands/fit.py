@@ -64,7 +64,7 @@ def fit_command(
     if identify_anew:
         forget_choices(output)
     if has_specimens(campaign):
-        from updating.commands.specimens import diagnose_pooled, print_pooled
+        from updating.commands.diagnose import diagnose_pooled, print_pooled
 
         pooled = diagnose_pooled(
             campaign, output, effect_file, OUT, fitted=effect, scatter_file=scatter, cluster=cluster

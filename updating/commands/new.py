@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ema.campaign.draft import draft
-from ema.campaign.draft_file import draft_file, write_draft
-from ema.campaign.draft_modes import draft_modes, modes_draft_file
+from ema.campaign.draft_file import draft_file, draft_modes, modes_draft_file, write_draft
 from model.matrices.text import write_structure
 from updating.commands.terminal import OUT, print_lines
 

@@ -22,7 +22,7 @@ def report_command(folder: Path, *, pdf: bool, pptx: bool, gif: bool, only: Sequ
     """Make the report of a folder in the forms that are asked for, and say where they are."""
     with OUT.status("drawing"):
         from updating.report.files import find_browser, print_pdf, write_gifs, write_slides
-        from updating.report.identified_model import with_models
+        from updating.report.results import with_models
 
         page = make_report(folder, keep=keep, only=only)
     results = with_models(read_results(folder, keep=keep))

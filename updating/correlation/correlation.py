@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import frac
 from lamella_shared import arrays
-from updating.correlation.criteria import rotate_onto
-from updating.correlation.pairing import ModeSet, Pairing
+from updating.correlation.pairing import ModeSet, Pairing, rotate_onto
 from updating.errors import PairingError, UpdatingError
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import ArrayLike, NDArray
 
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from lamella_shared import arrays
 from model import Modes, Observation, Stack, sample_points
 from updating.errors import PairingError

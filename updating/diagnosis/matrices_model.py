@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from ema.types.modal_model import ModalModel
 from model import Effect, MatricesError, MatrixStructure, Parameter, ReducedMatrices, reduce_matrices
 from model.matrices.readers import Target

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from lamella_shared import arrays
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
-from updating.correlation.criteria import class_grid, cross_orthogonality, shape_classes
-from updating.correlation.pairing import track
+from updating.correlation.pairing import class_grid, cross_orthogonality, shape_classes, track
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.plot import palette
-from ema.types.frf import Quantity
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
 from lamella_shared import arrays
 from model import frf, solve_modes
-from updating.correlation.criteria import rotate_onto
+from updating.correlation.pairing import rotate_onto
 from updating.correlation.registration import register
 from updating.fitting.fit import Fit, ModelFit, reduced_about
 

@@ -28,19 +28,18 @@ from ema.campaign.campaign_file import (
     reference_faults,
 )
 from ema.io.files import Section
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from ema.types.modal_model import ModalModel
 from lamella_shared import did_you_mean, read_form, read_toml
 from model import Stack, read_stack
 from model.stack.errors import StackError
 from model.stack.stack_file import stack_inputs
 from updating.errors import FitError, StoreError
-from updating.pooled.modal_files import classes, modal_model
-from updating.pooled.specimen import Specimen
+from updating.pooled.specimen import Specimen, classes, modal_model
 from updating.results.store import read_result
 
 if TYPE_CHECKING:
-    from updating.pooled.modal_files import Classes
+    from updating.pooled.specimen import Classes
 
 
 class MaterialSection(Section):
@@ -226,7 +225,7 @@ def specimens_of(campaign: SpecimenCampaign, identified: Callable[[str], ModalMo
         A file is no modal model.
     """
     # With parts of a diagnosis, which nobody waits for who only asks what a file is.
-    from updating.pooled.modal_files import Classes
+    from updating.pooled.specimen import Classes
 
     specimens, of_classes = [], Classes()
     for stack, specimen in zip(campaign.stacks, campaign.content.specimen, strict=True):

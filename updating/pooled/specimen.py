@@ -1,21 +1,34 @@
-"""Specimens: one stack each in the rig that all share, and the groups of stacks that share a model."""
+"""Specimens, one stack each in the rig that all share, and tables of modes that describe them."""
 
 from __future__ import annotations
 
+import csv
 import logging
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from model import Effect, Stack
-from updating.correlation.pairing import require_points
+from ema.modal.read_modes import DAMPING_STD, FREQUENCY_STD, SHAPE_STD, UNSTATED_DAMPING
+from ema.types.frf import Dof, Dofs, Geometry
+from ema.types.modal_model import ModalModel
+from model import Effect, ReducedSystem, Stack, observe, reduce
+from updating.correlation.pairing import CLASS_ROWS, CLASS_STATIONS, class_grid, require_points, solve_by_class
 from updating.correlation.registration import register
-from updating.diagnosis.candidates import MESSAGES, CandidateModel, candidate_model, instruments_of
+from updating.diagnosis.candidates import (
+    G_F_RANGE,
+    MESSAGES,
+    N_SNAPSHOT,
+    CandidateModel,
+    candidate_model,
+    instruments_of,
+)
 from updating.diagnosis.evidence import DiagnosisScatter, Tested, assemble_evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.stack_model import StackModel
@@ -253,3 +266,309 @@ def _key(specimen: Specimen) -> str:
 def height_ratio(specimen: Specimen, model: StackModel) -> float:
     """Return the logarithm of a specimen's stated height over that of the model that it shares."""
     return float(np.log(specimen.stack.height / model.stack.height))
+
+
+Vector = NDArray[np.float64]
+
+_DIRECTION = ("x", "y", "z")
+
+
+def read_modes(path: Path, of: Mapping[str, str]) -> dict[str, list[str]]:
+    """Read the table of modes: the columns by name, at least `frequency_Hz`.
+
+    Parameters
+    ----------
+    path : Path
+        The table.
+    of : mapping of str to str
+        Whose modes: where the table has a column of that name, rows with another value are passed over.
+
+    Raises
+    ------
+    FitError
+        The file cannot be read, has no such column, or holds no mode.
+    """
+    columns = _rows_of(path, _columns(path), of)
+    if "frequency_Hz" not in columns:
+        raise FitError(f"{path}: no column 'frequency_Hz'; the file has {', '.join(columns) or 'no header'}")
+    if not columns["frequency_Hz"]:
+        raise FitError(f"{path}: holds no mode; expected a row for each")
+    return columns
+
+
+def modal_model(
+    name: str, of: Mapping[str, str], modes: Path, shapes: Path, geometry: Geometry, force: Dof
+) -> ModalModel:
+    """Return modes with shapes as an identification gives them.
+
+    Parameters
+    ----------
+    name : str
+        The configuration.
+    of : mapping of str to str
+        Whose rows of the table of modes, see `read_modes`.
+    modes : Path
+        Columns `frequency_Hz` and, where they are known, `frequency_std_Hz`, `damping`, `damping_std`, and
+        `shape_std`, relative to the root mean square of the shape's components.
+    shapes : Path
+        Columns `node`, `x`, `y`, `z` (the direction) and, for each mode, `mode_1_real`, `mode_1_imag` and so on;
+        `sensor` counts the accelerometers of a run from 0.
+    geometry : Geometry
+        The measured points.
+    force : Dof
+        Where and along which direction the force acts.
+
+    Raises
+    ------
+    FitError
+        A file cannot be read, lacks a column, or holds something that is not a number.
+    """
+    table, rows = read_modes(modes, of), _columns(shapes)
+    n = len(table["frequency_Hz"])
+    parts = [
+        _numbers(shapes, rows, f"mode_{r}_real") + 1j * _numbers(shapes, rows, f"mode_{r}_imag")
+        for r in range(1, n + 1)
+    ]
+    shape = np.column_stack(parts)
+    shape = shape / np.abs(shape).max(axis=0)
+    relative = _numbers(modes, table, "shape_std") if "shape_std" in table else np.full(n, SHAPE_STD)
+    rms = np.sqrt(np.mean(np.abs(shape) ** 2, axis=0))
+    node = _whole_numbers(shapes, rows, "node")
+    absent = sorted(set(node.tolist()) - set(geometry.node.tolist()))
+    if absent:
+        raise FitError(f"{shapes}: points {absent} are not in the list of points of the campaign file")
+    sensor = _whole_numbers(shapes, rows, "sensor") if "sensor" in rows else np.zeros(node.size, np.int64)
+    return assembled(
+        name,
+        _poles(modes, table),
+        (shape, np.broadcast_to(relative * rms, shape.shape)),
+        geometry=geometry,
+        dofs=Dofs(node=node, direction=np.column_stack([_numbers(shapes, rows, a) for a in _DIRECTION])),
+        sensor=sensor,
+        force=force,
+    )
+
+
+def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Vector]:
+    """Return the classes of the modes of a table without shapes, and their frequencies, damping and deviations.
+
+    Parameters
+    ----------
+    path : Path
+        The table.
+    of : mapping of str to str
+        Whose rows, see `read_modes`.
+
+    Returns
+    -------
+    (n_mode,) str, (4, n_mode) float
+        Frequencies, their standard deviations, Hz, damping ratios and theirs.
+
+    Raises
+    ------
+    FitError
+        The table cannot be read, lacks `shape_class`, or names a class twice.
+    """
+    table = read_modes(path, of)
+    if "shape_class" not in table:
+        raise FitError(
+            f"{path}: no column 'shape_class', such as 'bending 1', which modes without shapes are known by; "
+            f"the file has {', '.join(table)}"
+        )
+    names = tuple(table["shape_class"])
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise FitError(f"{path}: shape_class {', '.join(map(repr, twice))} stands in more than one row")
+    return names, _poles(path, table)
+
+
+def assembled(
+    name: str,
+    poles: Vector,
+    shapes: tuple[NDArray[np.complex128] | Vector, Vector],
+    *,
+    geometry: Geometry,
+    dofs: Dofs,
+    sensor: NDArray[np.int64],
+    force: Dof,
+) -> ModalModel:
+    """Return modes as an identification gives them that has no functions.
+
+    Parameters
+    ----------
+    name : str
+        The configuration.
+    poles : (4, n_mode)
+        Frequencies, their standard deviations, Hz, damping ratios and theirs.
+    shapes : ((n_dof, n_mode), (n_dof, n_mode))
+        Shapes and the standard deviations of their components.
+    geometry, dofs, sensor, force
+        As `ema.ModalModel` has them, the force one DOF.
+    """
+    order = np.argsort(poles[0])
+    names = ("frequency", "frequency_std", "damping", "damping_std")
+    known = dict(zip(names, poles[:, order], strict=True))
+    frequency, damping = known["frequency"], known["damping"]
+    pole = 2.0 * np.pi * frequency * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    n_dof, n = dofs.node.size, frequency.size
+    zero = np.zeros((n_dof, 1))
+    return ModalModel(
+        name=name,
+        **known,
+        pole=pole,
+        residue=np.zeros((n_dof, 1, n), complex),
+        lower=zero.astype(complex),
+        upper=zero.astype(complex),
+        outside_pole=np.empty(0, complex),
+        outside_residue=np.empty((n_dof, 1, 0), complex),
+        shape=np.asarray(shapes[0], complex)[:, order],
+        shape_std=np.asarray(shapes[1])[:, order],
+        scaled=np.zeros(n, dtype=bool),
+        node=dofs.node,
+        direction=dofs.direction,
+        sensor=sensor,
+        input=Dofs(node=np.array([force.node]), direction=np.array([force.direction])),
+        band=(float(frequency[0]), float(frequency[-1])),
+        geometry=geometry,
+        quantity="accelerance",
+        covariance=np.eye(2 * n),
+        residue_std=np.zeros((n_dof, 1, n)),
+        noise=zero,
+        correlation=zero + 1.0,
+        error=zero,
+        run=np.array([1]),
+        run_pole=pole[None, :],
+        run_frequency_std=known["frequency_std"][None, :],
+        run_damping_std=known["damping_std"][None, :],
+        run_probability=np.ones((1, n)),
+    )
+
+
+def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the rows of one specimen and configuration, where the table has columns that name these."""
+    given = {name: value for name, value in of.items() if name in columns}
+    keys = list(zip(*(columns[name] for name in given), strict=True))
+    kept = [i for i, key in enumerate(keys) if key == tuple(given.values())]
+    if keys and not kept:
+        wanted = ", ".join(f"{name} {value!r}" for name, value in given.items())
+        there = ", ".join(dict.fromkeys(" ".join(key) for key in keys))
+        raise FitError(f"{path}: no row of {wanted}; the file has {there}")
+    return {name: [cells[i] for i in kept] for name, cells in columns.items()} if keys else columns
+
+
+def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
+    """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones if unstated."""
+    unknown = 1e3  # the same of what was not measured
+    frequency = _numbers(path, table, "frequency_Hz")
+    if np.any(frequency <= 0.0):
+        raise FitError(f"{path}: frequency_Hz must be above 0, found {frequency.min():g}")
+    given = table.get("damping", [""] * frequency.size)
+    blank = [not cell.strip() for cell in given]
+    filled = {**table, "damping": [cell or str(UNSTATED_DAMPING) for cell in given]}
+    damping = _numbers(path, filled, "damping")
+    if np.any((damping <= 0.0) | (damping >= 1.0)):
+        raise FitError(f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}")
+    known = "frequency_std_Hz" in table
+    frequency_std = _numbers(path, table, "frequency_std_Hz") if known else FREQUENCY_STD * frequency
+    damping_std = (
+        _numbers(path, table, "damping_std") if "damping_std" in table and not any(blank) else DAMPING_STD * damping
+    )
+    return np.stack([frequency, frequency_std, damping, np.where(blank, unknown * damping, damping_std)])
+
+
+def _columns(path: Path) -> dict[str, list[str]]:
+    """Return the columns of a CSV with a header, cells as text."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.DictReader(file, restval="")
+            names = [name or "" for name in reader.fieldnames or ()]
+            rows = [[str(row[name]) for name in names] for row in reader]
+    except (OSError, ValueError, csv.Error) as error:
+        raise FitError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
+
+
+def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
+    if name not in columns:
+        raise FitError(f"{path}: no column {name!r}; the file has {', '.join(columns) or 'no header'}")
+    numbers = np.empty(len(columns[name]))
+    for i, cell in enumerate(columns[name]):
+        try:
+            numbers[i] = float(cell)
+        except ValueError as error:
+            raise FitError(f"{path}: row {i + 2}: {name} is {cell!r}, expected a number") from error
+        if not np.isfinite(numbers[i]):
+            raise FitError(f"{path}: row {i + 2}: {name} is {cell!r}, expected a finite number")
+    return numbers
+
+
+def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> NDArray[np.int64]:
+    largest_number = 1e10  # of a point or sensor, as in universal files
+    numbers = _numbers(path, columns, name)
+    odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > largest_number))
+    if odd.size:
+        i = int(odd[0])
+        raise FitError(f"{path}: row {i + 2}: {name} is {columns[name][i]!r}, expected a whole number, at most 1e10")
+    return numbers.astype(np.int64)
+
+
+CLASS_STD = 0.1
+"""Standard deviation of each modal coordinate of a shape that stands for a class: a mode of a class resembles the
+model's, MAC 0.9 with some ten modes that it may be mixed with, and what it is mixed with is not known."""
+_UP = Dof(0, (0.0, 0.0, 1.0))
+
+
+class Classes:
+    """Models of stacks that show what modes of a class look like: one for all that are nearly as high."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, ReducedSystem] = {}
+
+    def _of(self, stack: Stack) -> ReducedSystem:
+        """Return the model of a stack, or of one that is nearly as high and otherwise the same."""
+        step = round(np.log(stack.height / stack.width) / np.log1p(HEIGHTS_ALIKE))
+        key = digest({"stack": replace(stack, name="", height=stack.width), "step": step})
+        if key not in self._known:
+            self._known[key] = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
+        return self._known[key]
+
+    def modes(self, name: str, stack: Stack, wanted: tuple[str, ...], poles: Vector) -> ModalModel:
+        """Return modes that are named by class: the model's shapes of these classes stand for theirs.
+
+        Parameters
+        ----------
+        name : str
+            The configuration.
+        stack : Stack
+            What was tested.
+        wanted : tuple of str
+            Class of each mode, such as "torsion 1".
+        poles : (4, n_mode)
+            Frequencies, their standard deviations, Hz, damping ratios and theirs.
+
+        Raises
+        ------
+        FitError
+            The model has no mode of a class.
+        """
+        station_step = 4  # One in so many stations along the length, enough to distinguish classes.
+        grid = class_grid(stack)
+        system = self._of(stack)
+        modes, column = solve_by_class(system, observe(system, grid), wanted, G_f=stack.contact.G_f)
+        if np.any(column < 0):
+            absent = ", ".join(c for c, k in zip(wanted, column, strict=True) if k < 0)
+            raise FitError(f"{name}: the model of {stack.name} has no mode of class {absent}")
+        upwards = np.arange(CLASS_STATIONS * CLASS_ROWS).reshape(CLASS_STATIONS, CLASS_ROWS)[::station_step].ravel()
+        node, n = grid.node[upwards], upwards.size
+        shape = modes.shape[np.ix_(upwards, column)]
+        shape = shape / np.abs(shape).max(axis=0)
+        geometry = Geometry(node=node, coordinate=grid.location[upwards], line=np.empty((0, 2), dtype=int))
+        return assembled(
+            name,
+            poles,
+            (shape, CLASS_STD * np.linalg.norm(shape, axis=0) * np.ones_like(shape)),
+            geometry=geometry,
+            dofs=Dofs(node=node, direction=grid.direction[upwards]),
+            sensor=np.zeros(n, dtype=np.int64),
+            force=_UP,
+        )

@@ -15,8 +15,7 @@ from ema.plot import palette
 from ema.types.modal_model import frequency_text
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, Telling, telling
-from updating.report.chart import Chart, axis, charted, single
-from updating.report.part import Picture, Section, as_csv
+from updating.report.part import Chart, Picture, Section, as_csv, axis, charted, single
 from updating.report.results import Results
 from updating.results.text import Table, in_percent, percent
 from updating.results.what_changed import AXES, KindOfChange, WhatChanged, separation, size_text

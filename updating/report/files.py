@@ -32,9 +32,7 @@ from updating.report.change_part import (
     step_chart,
     steps,
 )
-from updating.report.chart import draw, printed
 from updating.report.frf_part import frf_figure, model_functions
-from updating.report.location_part import location_section
 from updating.report.modes_part import (
     auto_mac_picture,
     identified_table,
@@ -44,8 +42,9 @@ from updating.report.modes_part import (
     pairs_picture,
     shape_section,
 )
-from updating.report.part import N_COLOUR, Picture
+from updating.report.part import N_COLOUR, Picture, draw, printed
 from updating.report.results import Results, Tested
+from updating.report.state_part import location_section
 from updating.results.store import folder_name, write_bytes
 from updating.results.text import Table, interval_text, parameter_text, percent
 

@@ -18,10 +18,8 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from updating.correlation.plots import chosen_functions, overlay_figure, synthesized, within_band
 from updating.fitting.fit import Fit
-from updating.report.chart import Chart, axis, legend_above, single
-from updating.report.identified_model import fracs, modelled
-from updating.report.part import Picture, Section, as_csv, png
-from updating.report.results import Tested
+from updating.report.part import Chart, Picture, Section, as_csv, axis, legend_above, png, single
+from updating.report.results import Tested, fracs, modelled
 from updating.results.text import Table
 
 if TYPE_CHECKING:

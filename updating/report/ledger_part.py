@@ -13,8 +13,7 @@ from ema.plot import palette
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError, Moved
 from updating.fitting.fit import Estimate, ParameterEstimate
-from updating.report.chart import Chart, axis, charted
-from updating.report.part import Picture, Section, as_csv
+from updating.report.part import Chart, Picture, Section, as_csv, axis, charted
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
 from updating.results.text import Z95, Table, ends, in_percent, interval_text, percent, uncertain

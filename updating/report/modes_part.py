@@ -18,9 +18,21 @@ from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
 from updating.fitting.fit import Estimate, Fit, ModelFit
 from updating.fitting.plots import AZIMUTH, ELEVATION, SWELL, ShapePair, faces, shape_pair_figure, shape_pairs
-from updating.report.chart import Chart, axis, charted, single
 from updating.report.frf_part import frf_title
-from updating.report.part import ByModel, Gallery, Picture, Section, anchor, as_csv, of_model, png
+from updating.report.part import (
+    ByModel,
+    Chart,
+    Gallery,
+    Picture,
+    Section,
+    anchor,
+    as_csv,
+    axis,
+    charted,
+    of_model,
+    png,
+    single,
+)
 from updating.report.results import Tested
 from updating.results.text import Z95, Table, parameter_text, uncertain
 

@@ -14,14 +14,12 @@ from updating.errors import StoreError
 from updating.report.answer import answer_section, opening_section, overview_section
 from updating.report.change_part import errors_with_additions, what_changed_section
 from updating.report.frf_part import frf_section
-from updating.report.identified_model import with_models
 from updating.report.ledger_part import ledger_section, parameter_section, signature_section
-from updating.report.location_part import kind_of_answer, location_section
 from updating.report.modes_part import mac_section, modes_section, shape_section
 from updating.report.part import Section, in_css, packed, renderer, unbroken
 from updating.report.pooled_part import pooled_section
-from updating.report.results import Results, Tested, read_results
-from updating.report.state_part import beside_section, state_section
+from updating.report.results import Results, Tested, read_results, with_models
+from updating.report.state_part import beside_section, kind_of_answer, location_section, state_section
 from updating.results.store import folder_name, write_bytes
 from updating.results.text import Table
 

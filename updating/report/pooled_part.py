@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ema.plot import palette
-from updating.report.chart import Chart, axis, charted
-from updating.report.part import Picture, Section, as_csv
+from updating.report.part import Chart, Picture, Section, as_csv, axis, charted
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, SpecimenAnswer, contact_cells, specimen_row
 from updating.results.text import Table, in_percent, interval_text
 

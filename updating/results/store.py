@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from ema.io.files import whole
-from ema.types.frf import FRF
-from ema.types.geometry import Dof, Dofs
+from ema.types.frf import FRF, Dof, Dofs
 from lamella_shared import frozen
 from model import Effect, catalogue, find_effects
 from updating.errors import StoreError

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 import model
 from ema import write_uff
-from ema.types.frf import FRF
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry
 from lamella_shared import read_toml
 from model import Formula, Observation, Observed, ReducedSystem, SolveError
 from model.elements.equations import OMEGA, Product, Target

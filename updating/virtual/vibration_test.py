@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 import model
 from ema.io.files import Section
-from ema.types.geometry import Geometry
+from ema.types.frf import Geometry
 from lamella_shared import read_form
 from model import Contact, Effect, Instruments, Mesh, Observation, Stack
 from updating.errors import FitError

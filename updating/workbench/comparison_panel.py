@@ -17,12 +17,19 @@ from updating.correlation.correlation import correlate
 from updating.correlation.localization import ErrorMap
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import any_pair
-from updating.report.chart import Chart, axis
 from updating.report.frf_part import BASE, FOUND
-from updating.report.location_part import error_map, location_text, map_chart, most_likely_kind
 from updating.report.modes_part import mac_chart, shape_numbers
+from updating.report.part import Chart, axis
 from updating.report.results import Tested
-from updating.report.state_part import change_table, mean_chart, shift_chart
+from updating.report.state_part import (
+    change_table,
+    error_map,
+    location_text,
+    map_chart,
+    mean_chart,
+    most_likely_kind,
+    shift_chart,
+)
 from updating.results.text import Z95
 from updating.workbench.opened import Opened, empty, figure, moving_page, moving_shapes, plot
 

@@ -26,9 +26,9 @@ from ema.types.modal_model import ModalModel, frequency_text
 from lamella_shared import plain_bytes
 from updating.errors import StoreError, UpdatingError
 from updating.fitting.plots import lone_shape
-from updating.report.chart import Chart, axis, single
 from updating.report.frf_part import stabilization_chart
 from updating.report.modes_part import mac_chart, shape_numbers
+from updating.report.part import Chart, axis, single
 from updating.report.results import Tested
 from updating.results.identified import keep_choice
 from updating.results.store import write_bytes

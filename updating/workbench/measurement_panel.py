@@ -17,8 +17,8 @@ from ema.plot.figures import UNIT
 from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
 from updating.correlation.plots import synthesized
-from updating.report.chart import Chart, axis, single
 from updating.report.modes_part import COMPLEXITY
+from updating.report.part import Chart, axis, single
 from updating.report.results import Tested
 from updating.results.text import Z95, uncertain
 from updating.workbench.opened import Opened, empty, figure, plot

@@ -15,12 +15,10 @@ from typing import Any
 from ema.campaign.campaign import Campaign
 from updating.errors import StoreError
 from updating.fitting.plots import ShapePair
-from updating.report.chart import Chart
-from updating.report.identified_model import with_models
 from updating.report.modes_part import gallery_of
 from updating.report.page import render
-from updating.report.part import Section
-from updating.report.results import Results, Tested, read_results
+from updating.report.part import Chart, Section
+from updating.report.results import Results, Tested, read_results, with_models
 from updating.results.identified import campaign_file
 from updating.results.store import read_result
 from updating.workers.progress import CLOCK, PERIOD

@@ -42,9 +42,8 @@ from updating.diagnosis.fit_settings import CONTACT
 from updating.diagnosis.stack_near import RATIOS
 from updating.errors import FitError, PairingError
 from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, N_SNAPSHOT_WIDE, frequency_error, stack_in_state
-from updating.report.chart import Chart, axis, single
-from updating.report.identified_model import identified_effects
-from updating.report.results import Results, Tested
+from updating.report.part import Chart, axis, single
+from updating.report.results import Results, Tested, identified_effects
 from updating.results.text import quantity
 
 STEPS = 1000  # of a slider

@@ -16,8 +16,7 @@ from model import Observed
 from updating.diagnosis.candidates import CandidateModel
 from updating.errors import LAMELLA_ERRORS
 from updating.fitting.fit import model_file
-from updating.report.identified_model import identified_effects
-from updating.report.results import Results
+from updating.report.results import Results, identified_effects
 from updating.results.store import digest
 from updating.results.text import percent, quantity
 from updating.workbench.opened import Command, Opened, empty, figure, plot

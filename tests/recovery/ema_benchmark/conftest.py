@@ -19,8 +19,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ema.identification.identify import identify_frf
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
 
 EXPONENT: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}

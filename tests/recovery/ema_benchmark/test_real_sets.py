@@ -28,8 +28,7 @@ from ema.identification.identify import identify_frf
 from ema.io.uff import read_uff_functions
 from ema.quality.explained import explained_power
 from ema.types.errors import EmaError
-from ema.types.frf import FRF, Quantity
-from ema.types.geometry import Dofs, Geometry
+from ema.types.frf import FRF, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
 
 REALDATA = Path(__file__).parents[3].parent / "shared/realdata"

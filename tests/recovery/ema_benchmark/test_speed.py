@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ema.identification.stabilization import lscf_poles
-from ema.types.geometry import Dofs
+from ema.types.frf import Dofs
 
 pytestmark = pytest.mark.benchmark
 NONE = "not automatic"
