@@ -202,10 +202,10 @@ def test_a_specimen_leads_to_its_torques_and_the_odd_one_is_marked():
     assert modes.rows == (("M1", "400.0", "432.0", "+8.00", "400.8", "+0.200", "1.0", "2.0", "1.1"),)
     assert [row[0] for row in contact.rows] == ["M1", "M2"]
     errors, stiffness, _ = overview.pictures
-    assert errors.data.splitlines()[2] == "S2,glued,0.08,0.002,0.003,adhesive_edges"
+    assert errors.data.splitlines()[5] == "with what was identified,,S2,mean frequency error [%],0.2,,"
     assert stiffness.data.splitlines()[3:5] == [
-        "S2,glued,M1,160.0,1600.0,1440.0,1760.0",
-        "S2,glued,M2,320.0,1400.0,1260.0,1540.0",
+        "S2,pressure [kPa],160.0,contact stiffness G_f [1],1600.0,1440,1760",
+        "S2,pressure [kPa],320.0,contact stiffness G_f [1],1400.0,1260,1540",
     ]
 
 

@@ -183,7 +183,7 @@ def test_an_updating_says_what_it_changed_and_not_that_no_model_was_fitted():
     assert one.badge == "fitted"
     assert one.sentence == ("1 configuration fitted together: the mean frequency error goes from 3.0 % to 0.10 %.")
     (change,) = mode_changes(given)
-    assert (change.mode, change.before, change.after) == (1, pytest.approx(0.03), pytest.approx(0.001))
+    assert (change.mode, change.base, change.explained) == (1, pytest.approx(0.03), pytest.approx(0.001))
 
 
 def test_the_outside_of_a_block_has_every_face_once():

@@ -121,7 +121,7 @@ def test_what_is_lacking_stands_beside_what_effects_bring_mode_by_mode():
 
 
 def diagnosis(**given):
-    return Diagnosis(**(dict.fromkeys(Diagnosis.__dataclass_fields__, ()) | given))
+    return Diagnosis(**(dict.fromkeys(Diagnosis.__dataclass_fields__, ()) | {"labels": {}} | given))
 
 
 def ranked(*effects, error, left_out):

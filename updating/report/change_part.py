@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ema.plot import palette
 from ema.types.modal_model import frequency_text
 from model import printed_effects
-from updating.diagnosis.answer import Diagnosis, Telling, telling
-from updating.report.part import Chart, Picture, Section, as_csv, axis, charted, single
+from updating.diagnosis.answer import Diagnosis, ModeError, Telling, telling
+from updating.report.part import Chart, Picture, Section, axis, charted, single
 from updating.report.results import Results
 from updating.results.text import Table, in_percent, percent
 from updating.results.what_changed import AXES, KindOfChange, WhatChanged, separation, size_text
@@ -48,100 +48,61 @@ class Step:
     kind: Telling = "frequency"
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModeChange:
-    """Relative frequency error of a mode with the first and with the last model; NaN where there is no last one."""
-
-    configuration: str
-    mode: int
-    frequency: float
-    before: float
-    after: float
-
-
 def steps(results: Results) -> tuple[Step, ...]:
     """Return the errors of the models, one effect after the other; nothing where no effect was added."""
     if results.diagnosis is not None and len(results.diagnosis.steps) > 1:
         return diagnosis_steps(results.diagnosis)
-    if len(results.ledger) > 1:
-        first, last = results.ledger[0], results.ledger[-1]
-        added = [[name.partition(" (")[0] for name in printed_effects(last.effects)]]
-        return _steps(added, [(entry.error, entry.mode_error) for entry in (first, last)])
-    return ()
+    if len(results.ledger) < 2:
+        return ()
+    first, last = results.ledger[0], results.ledger[-1]
+    added = " and ".join(name.partition(" (")[0] for name in printed_effects(last.effects))
+    named = (("base model", first), (added, last))
+    return tuple(Step(name=name, error=entry.error, left_out=entry.mode_error) for name, entry in named)
 
 
 def diagnosis_steps(diagnosis: Diagnosis) -> tuple[Step, ...]:
     """Return the errors of the models from the base model to the answer of a diagnosis."""
-    added = [
-        [diagnosis.labels.get(e, e) for e in after.effects if e not in before.effects]
-        for before, after in itertools.pairwise(diagnosis.steps)
-    ]
     kind = telling(diagnosis.steps[0], diagnosis.steps[-1])
-    errors = [(explanation.error(kind), explanation.left_out(kind)) for explanation in diagnosis.steps]
-    return _steps(added, errors, kind)
-
-
-def _steps(
-    added: Sequence[Sequence[str]], errors: Sequence[tuple[float, float]], kind: Telling = "frequency"
-) -> tuple[Step, ...]:
-    names = ["base model", *(" and ".join(effects) for effects in added)]
+    names = ["base model"]
+    for before, after in itertools.pairwise(diagnosis.steps):
+        names.append(" and ".join(diagnosis.labels.get(e, e) for e in after.effects if e not in before.effects))
     return tuple(
-        Step(name=name, error=error, left_out=left_out, kind=kind)
-        for name, (error, left_out) in zip(names, errors, strict=True)
+        Step(name=name, error=step.error(kind), left_out=step.left_out(kind), kind=kind)
+        for name, step in zip(names, diagnosis.steps, strict=True)
     )
 
 
-def mode_changes(results: Results) -> tuple[ModeChange, ...]:
+def mode_changes(results: Results) -> tuple[ModeError, ...]:
     """Return the errors of all modes before and after; of a fit without effects, those that remain."""
     if results.diagnosis is not None:
-        return diagnosis_changes(results.diagnosis)
-    return tuple(_updated(results) if results.updated is not None else _fitted(results))
-
-
-def diagnosis_changes(diagnosis: Diagnosis) -> tuple[ModeChange, ...]:
-    """Return the errors of the modes with the base model and with the answer of a diagnosis."""
+        return results.diagnosis.errors
+    if results.updated is not None:
+        return tuple(
+            _mode_error(c.name, r, c.measured_frequency[r], c.frequency_before[r], c.frequency[r])
+            for c in results.updated.fit.configuration
+            for r in np.flatnonzero(c.used).tolist()
+        )
     return tuple(
-        ModeChange(configuration=e.configuration, mode=e.mode, frequency=e.frequency, before=e.base, after=e.explained)
-        for e in diagnosis.errors
+        _mode_error(tested.name, r, tested.measured.frequency[r], tested.fit.modes.frequency[s], np.nan)
+        for tested in results.tested
+        if tested.fit is not None
+        for r, s in zip(tested.fit.pairing.measured, tested.fit.pairing.model, strict=True)
     )
+
+
+def _mode_error(configuration: str, mode: int, measured: float, base: float, explained: float) -> ModeError:
+    """Return the errors of two frequencies (Hz) of a model, of a mode by its number from 0."""
+    errors = {"base": float(base / measured - 1.0), "explained": float(explained / measured - 1.0)}
+    return ModeError(configuration=configuration, mode=int(mode) + 1, frequency=float(measured), std=np.nan, **errors)
 
 
 def errors_with_additions(results: Results) -> dict[str, dict[int, float]]:
     """Return, by configuration and number of the mode, the relative frequency errors with what was identified."""
     errors: dict[str, dict[int, float]] = {}
     for change in mode_changes(results):
-        if np.isfinite(change.after):
-            errors.setdefault(change.configuration, {})[change.mode] = change.after
+        if np.isfinite(change.explained):
+            errors.setdefault(change.configuration, {})[change.mode] = change.explained
     return errors
-
-
-def _updated(results: Results) -> Iterator[ModeChange]:
-    for configuration in () if results.updated is None else results.updated.fit.configuration:
-        for r in np.flatnonzero(configuration.used):
-            f = configuration.measured_frequency[r]
-            yield ModeChange(
-                configuration=configuration.name,
-                mode=int(r) + 1,
-                frequency=float(f),
-                before=float(configuration.frequency_before[r] / f - 1.0),
-                after=float(configuration.frequency[r] / f - 1.0),
-            )
-
-
-def _fitted(results: Results) -> Iterator[ModeChange]:
-    for tested in results.tested:
-        if tested.fit is None:
-            continue
-        pairing = tested.fit.pairing
-        for r, s in zip(pairing.measured, pairing.model, strict=True):
-            f = float(tested.measured.frequency[r])
-            yield ModeChange(
-                configuration=tested.name,
-                mode=int(r) + 1,
-                frequency=f,
-                before=float(tested.fit.modes.frequency[s]) / f - 1.0,
-                after=np.nan,
-            )
 
 
 def step_picture(way: Sequence[Step]) -> Picture:
@@ -149,10 +110,6 @@ def step_picture(way: Sequence[Step]) -> Picture:
     return charted(
         "error_steps",
         step_chart(way),
-        as_csv(
-            ("step", f"{way[0].kind} error of modes fitted [1]", "of modes left out [1]"),
-            ((step.name, step.error, step.left_out) for step in way),
-        ),
         alt=f"The mean {_KINDS[way[0].kind]} before and after each step: "
         + "; ".join(f"{step.name} {percent(step.error)}, left out {percent(step.left_out)}" for step in way),
         caption=f"Mean {_KINDS[way[0].kind]} before and after each effect. Left out: each mode predicted by "
@@ -163,7 +120,9 @@ def step_picture(way: Sequence[Step]) -> Picture:
 
 def step_chart(way: Sequence[Step]) -> Chart:
     """Return the error before and after each step as a waterfall, of modes fitted and of modes left out."""
-    names = _bar_names(way)
+    wide = 16  # characters of a line below a bar
+    below = ("base model", *(f"+ {step.name}" for step in way[1:]), "what is left")
+    names = ["<br>".join(textwrap.wrap(name, wide)) for name in below]
     highest = max(step.error if np.isnan(step.left_out) else max(step.error, step.left_out) for step in way)
     traces = []
     for key, (label, color) in _ERRORS.items():
@@ -194,16 +153,12 @@ def step_chart(way: Sequence[Step]) -> Chart:
     )
 
 
-def mode_picture(modes: Sequence[ModeChange], width: Literal["half", "full"] = "full") -> Picture:
+def mode_picture(modes: Sequence[ModeError], width: Literal["half", "full"] = "full") -> Picture:
     """Draw the frequency error of every mode, before and after, in half or all of the page's width."""
-    after = any(np.isfinite(change.after) for change in modes)
+    after = any(np.isfinite(m.explained) for m in modes)
     return charted(
         "error_modes",
         mode_chart(modes),
-        as_csv(
-            ("configuration", "mode", "measured frequency [Hz]", "error before [1]", "error after [1]"),
-            ((m.configuration, m.mode, m.frequency, m.before, m.after) for m in modes),
-        ),
         alt=f"Frequency errors of {len(modes)} modes{' before and after' if after else ''}",
         caption="(model - measured) / measured frequency of every mode, with the base model"
         + (" and with what was identified." if after else "."),
@@ -211,16 +166,19 @@ def mode_picture(modes: Sequence[ModeChange], width: Literal["half", "full"] = "
     )
 
 
-def mode_chart(modes: Sequence[ModeChange]) -> Chart:
+def mode_chart(modes: Sequence[ModeError]) -> Chart:
     """Return the frequency errors of the modes, before and after, as bars."""
     labels = [f"{m.mode}: {frequency_text(m.frequency, 0)} Hz" for m in modes]
+    series = [("base", "base model", palette.BASE)]
+    if any(np.isfinite(m.explained) for m in modes):
+        series.append(("explained", "with what was identified", palette.FOUND))
     traces = [
         {
             "type": "bar", "name": name, "x": [[m.configuration for m in modes], labels],
             "y": [100.0 * getattr(m, key) for m in modes], "marker": {"color": color},
             "hovertemplate": "%{x[0]}, %{x[1]}: %{y:+.3f} %<extra>" + name + "</extra>",
         }
-        for key, name, color in _series(modes)
+        for key, name, color in series
     ]  # fmt: skip
     return Chart(
         traces=traces,
@@ -230,21 +188,6 @@ def mode_chart(modes: Sequence[ModeChange]) -> Chart:
             "margin": {"r": 8, "t": 66},
         },
     )
-
-
-def _series(modes: Sequence[ModeChange]) -> list[tuple[str, str, str]]:
-    after = any(np.isfinite(m.after) for m in modes)
-    return [
-        ("before", "base model", palette.BASE),
-        *([("after", "with what was identified", palette.FOUND)] if after else []),
-    ]
-
-
-def _bar_names(way: Sequence[Step]) -> list[str]:
-    """Return what stands below the bars: the base model, what was added, and what is left."""
-    wide = 16  # characters of a line below a bar
-    added = [f"+ {step.name}" for step in way[1:]]
-    return ["<br>".join(textwrap.wrap(name, wide)) for name in (way[0].name, *added, "what is left")]
 
 
 def what_changed_section(what_changed: WhatChanged) -> Section:
@@ -296,15 +239,10 @@ def _impossible(what_changed: WhatChanged) -> str:
 def map_picture(what_changed: WhatChanged) -> Picture:
     """Draw the probability of the location over the axes of the map."""
     across, up = what_changed.axes[:2]
-    x, y = np.meshgrid(what_changed.x, what_changed.y, indexing="ij")
     i, j = np.unravel_index(int(np.argmax(what_changed.map)), what_changed.map.shape)
     return charted(
         f"what_changed_{what_changed.name}",
         map_chart(what_changed),
-        as_csv(
-            (f"{across} [m]", f"{up} [m]", "probability of the cell"),
-            zip(x.ravel(), y.ravel(), what_changed.map.ravel(), strict=True),
-        ),
         alt=f"Probability of the location of the change, largest at {across} = {1e3 * what_changed.x[i]:.0f} mm, "
         f"{up} = {1e3 * what_changed.y[j]:.0f} mm",
         caption="Where it changed: probability of each cell of the plan, given that one of the kinds that are left is "

@@ -24,7 +24,6 @@ from updating.fitting.fit import Fit
 from updating.fitting.plots import ShapePair, shape_pair_figure, shape_pairs
 from updating.report.answer import headline, opening
 from updating.report.change_part import (
-    diagnosis_changes,
     diagnosis_steps,
     errors_with_additions,
     mode_changes,
@@ -366,5 +365,5 @@ def diagnosis_figure(diagnosis: Diagnosis) -> Figure:
     figure = Figure(figsize=(9.0, 6.4), layout="constrained")
     above, below = figure.subfigures(2, 1, squeeze=False)[:, 0]
     draw(step_chart(diagnosis_steps(diagnosis)), above)
-    draw(mode_chart(diagnosis_changes(diagnosis)), below)
+    draw(mode_chart(diagnosis.errors), below)
     return figure

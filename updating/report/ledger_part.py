@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ema.plot import palette
 from model import printed_effects
-from updating.diagnosis.answer import Diagnosis, ModeError, Moved
-from updating.fitting.fit import Estimate, ParameterEstimate
+from updating.diagnosis.answer import Diagnosis, ModeError
+from updating.fitting.fit import Estimate
 from updating.report.part import Chart, Picture, Section, as_csv, axis, charted
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
@@ -84,10 +84,6 @@ def ledger_picture(entries: Sequence[Entry]) -> Picture:
     return charted(
         "error_ledger",
         ledger_chart(entries),
-        as_csv(
-            ("model", *(f"{kind} error, {name} [1]" for kind in kinds for name in _NAMES)),
-            ((" + ".join(("base", *e.effects)), *(x for kind in kinds for x in _errors(e, kind))) for e in entries),
-        ),
         alt="Errors by model",
         caption=f"Mean {' and '.join(kinds)} error of each model, on the data that it was fitted to and on data held "
         "out.",
@@ -174,24 +170,23 @@ def parameter_section(results: Results) -> Section:
 
 def interval_table(results: Results) -> Table:
     """List all parameters with intervals: of each configuration alone, and of each model of the ledger."""
-    rows = [
-        _row(
-            f"{t.name}, opt_{e.name[0]}",
-            e,
-            (e.value - Z95 * e.std, e.value + Z95 * e.std),
-            "at its bound" if e.at_bound else "",
-        )
-        for t in results.tested
-        for e in _estimates(t)
-    ]
+    rows = []
     for t in results.tested:
-        if (fit := t.matrices_fit) is not None:
-            rows += [_moved_row(t.name, moved, at_bound=moved.name in fit.at_bound) for moved in fit.moved]
-    rows += [
-        _row(f"all, {model_name(entry)}", p, (p.lower, p.upper), p.remark)
-        for entry in results.ledger
-        for p in entry.shared
-    ]
+        for e in _estimates(t):
+            half, remark = Z95 * e.std, "at its bound" if e.at_bound else ""
+            interval = () if e.at_bound else (e.value - half, e.value + half)
+            rows.append((f"{t.name}, opt_{e.name[0]}", *_cells(e.name, e.unit, e.value, interval), remark))
+    for t in results.tested:
+        if (fit := t.matrices_fit) is None:
+            continue
+        for moved in fit.moved:
+            half, remark = Z95 * moved.std, "at its bound" if moved.name in fit.at_bound else ""
+            interval = (moved.value - half, moved.value + half)
+            rows.append((t.name, *_cells(moved.label, moved.unit, moved.value, interval), remark))
+    for entry in results.ledger:
+        for p in entry.shared:
+            interval = () if p.at_bound else (p.lower, p.upper)
+            rows.append((f"all, {model_name(entry)}", *_cells(p.name, p.unit, p.value, interval), p.remark))
     table = Table(
         title="Parameters with 95 % intervals",
         header=("fitted to", "parameter", "unit", "value", "lower", "upper", "remark"),
@@ -203,34 +198,17 @@ def interval_table(results: Results) -> Table:
     return table.without_empty_columns()
 
 
-def _row(
-    fitted_to: str, estimate: Estimate | ParameterEstimate, interval: tuple[float, float], remark: str
-) -> tuple[str, ...]:
-    unit = "" if estimate.unit == "1" else estimate.unit
-    if estimate.at_bound:
-        return fitted_to, estimate.name, unit, f"{estimate.value:.4g}", "", "", remark
-    return fitted_to, estimate.name, unit, *ends(estimate.value, *interval), remark
-
-
-def _moved_row(fitted_to: str, moved: Moved, *, at_bound: bool) -> tuple[str, ...]:
-    low, high = moved.value - Z95 * moved.std, moved.value + Z95 * moved.std
-    unit = "" if moved.unit == "1" else moved.unit
-    return fitted_to, moved.label, unit, *ends(moved.value, low, high), "at its bound" if at_bound else ""
+def _cells(name: str, unit: str, value: float, interval: Sequence[float]) -> tuple[str, ...]:
+    """Return a parameter with its unit, value and the ends of its interval; these are empty where it has none."""
+    shown = ends(value, interval[0], interval[1]) if interval else (f"{value:.4g}", "", "")
+    return name, "" if unit == "1" else unit, *shown
 
 
 def parameter_picture(fitted: Sequence[Tested]) -> Picture:
     """Draw G_f and d_f over torque or pressure with their 95 % intervals."""
-    at, label = abscissa(fitted)
     return charted(
         "parameters",
         parameter_chart(fitted),
-        as_csv(
-            ("configuration", label, "G_f [Pa/Pa]", "its std", "d_f [s/Pa]", "its std"),
-            (
-                (t.name, x, *(v for e in _estimates(t) for v in (e.value, e.std)))
-                for t, x in zip(fitted, at, strict=True)
-            ),
-        ),
         alt="Contact parameters by configuration",
         caption="G_f by opt_G and d_f by opt_d of each configuration alone, with 95 % intervals.",
     )
@@ -318,8 +296,8 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
         pictures.append(
             charted(
                 "signatures" if len(groups) == 1 else f"signatures_{number}",
-                signature_chart(errors, {_label(diagnosis, e): s for e, s in signatures.items()}),
-                as_csv(
+                signature_chart(errors, {diagnosis.labels.get(e, e): s for e, s in signatures.items()}),
+                data=as_csv(
                     ("configuration", "mode", "frequency [Hz]", "its std [Hz]", "lacking", *signatures),
                     (
                         (e.configuration, e.mode, e.frequency, e.std, -e.base, *(s[k] for s in signatures.values()))
@@ -390,10 +368,6 @@ def signature_table(diagnosis: Diagnosis) -> Table:
 def _printed(diagnosis: Diagnosis, name: str) -> str:
     """Return an effect or hypothesis as a person reads it, the key beside the label."""
     return f"{diagnosis.labels[name]} ({name})" if name in diagnosis.labels else name
-
-
-def _label(diagnosis: Diagnosis, name: str) -> str:
-    return _printed(diagnosis, name).removesuffix(f" ({name})")
 
 
 def _ordered(diagnosis: Diagnosis) -> dict[str, Sequence[float]]:

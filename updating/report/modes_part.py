@@ -16,7 +16,7 @@ from ema.plot import palette
 from ema.quality.verdict import NOTES, label, meaning
 from ema.types.modal_model import frequency_text
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
-from updating.fitting.fit import Estimate, Fit, ModelFit
+from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import AZIMUTH, ELEVATION, SWELL, ShapePair, faces, shape_pair_figure, shape_pairs
 from updating.report.frf_part import frf_title
 from updating.report.part import (
@@ -44,22 +44,10 @@ def modes_section(tested: Tested, added: Mapping[int, float]) -> Section:
 
     `added` holds of each mode, by its number from 1, the relative frequency error with what was identified.
     """
-    if tested.fit is None:
-        blocks: tuple[Table, ...] = (
-            identified_table(tested),
-            complexity_table(tested),
-            quality_table(tested),
-            passed_table(tested),
-        )
-    else:
-        blocks = (
-            *pair_tables(tested, tested.fit, added),
-            *(() if tested.opt is None else (parameter_table(tested.opt),)),
-            complexity_table(tested),
-            quality_table(tested),
-            passed_table(tested),
-        )
-    return Section(title=f"Modes of {tested.name}", blocks=blocks)
+    modes = (identified_table(tested),) if tested.fit is None else pair_tables(tested, tested.fit, added)
+    contact = () if tested.opt is None else (parameter_table(tested.opt),)
+    checks = (complexity_table(tested), quality_table(tested), passed_table(tested))
+    return Section(title=f"Modes of {tested.name}", blocks=(*modes, *contact, *checks))
 
 
 def by_model(tested: Tested, make: Callable[[ModelFit], tuple[ByModel, ...]]) -> tuple[ByModel, ...]:
@@ -124,16 +112,8 @@ COMPLEXITY = (
 
 def complexity_table(tested: Tested) -> Table:
     """List how complex the shapes are, and which of them cannot be compared as real."""
-    measures = complexity(tested.measured)
-    columns = zip(
-        tested.measured.frequency,
-        measures.mpc,
-        measures.mpd,
-        measures.mcf,
-        measures.phase_scatter,
-        measures.is_complex,
-        strict=True,
-    )
+    of = complexity(tested.measured)
+    measures = (of.mpc, of.mpd, of.mcf, of.phase_scatter, of.is_complex)
     return Table(
         title="Complexity of the shapes",
         header=("mode", "frequency [Hz]", "MPC", "MPD [°]", "MCF", "phase scatter [°]", "finding"),
@@ -142,10 +122,10 @@ def complexity_table(tested: Tested) -> Table:
                 str(r), frequency_text(f, 2), f"{p:.3f}", f"{d:.1f}", f"{c:.3f}", f"{s:.1f}",
                 "too complex to be compared as real" if wrong else "",
             )
-            for r, (f, p, d, c, s, wrong) in enumerate(columns, start=1)
+            for r, (f, p, d, c, s, wrong) in enumerate(zip(tested.measured.frequency, *measures, strict=True), start=1)
         ),
         note=COMPLEXITY,
-        folded=not np.any(measures.is_complex),  # a page on a phone is long enough
+        folded=not np.any(of.is_complex),  # a page on a phone is long enough
     ).without_empty_columns()  # fmt: skip
 
 
@@ -212,9 +192,10 @@ def quality_table(tested: Tested) -> Table:
     not_passed = (v for v in quality.verdicts if v.level != "pass")
     verdicts = sorted(not_passed, key=lambda v: v.level)  # failures first
     nodes = tested.measured.node.tolist()
-    points = [*(_function(v.point, nodes) for v in verdicts), *("" for _ in quality.notes)]
-    checks = [*(label(v.check) for v in verdicts), *("" for _ in quality.notes)]
-    rows = list(zip(points, checks, (*(v.finding for v in verdicts), *quality.notes), strict=True))
+    rows = [  # the point is the first that has a function in the report
+        (next((str(node) for node in v.point if node in nodes), ""), label(v.check), v.finding) for v in verdicts
+    ]
+    rows += [("", "", note) for note in quality.notes]
     table = Table(
         title="Quality of the measurement",
         header=("point", "check", "finding"),
@@ -237,11 +218,6 @@ def passed_table(tested: Tested) -> Table:
         rows=tuple((label(v.check), meaning(v.check), v.message) for v in passed),
         folded=True,
     )
-
-
-def _function(point: Sequence[int], measured: Sequence[int]) -> str:
-    """Return the first of some points that has a function in the report."""
-    return next((str(node) for node in point if node in measured), "")
 
 
 def mac_section(tested: Tested) -> Section:
@@ -286,7 +262,6 @@ def mac_picture(
     return charted(
         name,
         mac_chart(value, rows, columns, across, down),
-        matrix_csv(value, rows, columns),
         alt=alt,
         caption=caption,
         width="half",
@@ -339,7 +314,7 @@ def comac_picture(tested: Tested, fit: ModelFit) -> Picture:
     return charted(
         f"comac_{tested.name}",
         comac_chart(points),
-        as_csv(
+        data=as_csv(
             ("point", "x", "y", "z", "CoMAC", "S-CoMAC", "eCoMAC", "difference", "difference from noise"),
             zip(points.node, *points.direction.T, points.comac, points.s_comac, points.e_comac, points.error,
                 points.error_std, strict=True),
@@ -378,10 +353,6 @@ def objective_picture(fit: Fit) -> Picture:
     return charted(
         f"objective_{fit.name}",
         objective_chart(fit),
-        as_csv(
-            ("parameter", "value [SI]", "objective [Hz for G_f, damping ratio for d_f]"),
-            ((e.name, *row) for e in (fit.G_f, fit.d_f) for row in _history(e)),
-        ),
         alt="Objectives over their parameters",
         caption="Every value tried for G_f (opt_G) and d_f (opt_d) of this configuration alone; the diamond "
         "is the estimate.",
@@ -392,7 +363,7 @@ def objective_chart(fit: Fit) -> Chart:
     """Return the objectives over what was tried of G_f, above, and of d_f as a chart."""
     traces: list[dict[str, Any]] = []
     for estimate, factor, place in ((fit.G_f, 1.0, ""), (fit.d_f, 100.0, "2")):
-        tried = _history(estimate)
+        tried = estimate.history[np.argsort(estimate.history[:, 0])]
         on = {"type": "scatter", "xaxis": f"x{place}", "yaxis": f"y{place}", "showlegend": place == ""}
         traces += [
             {**on, "mode": "lines+markers", "x": tried[:, 0].tolist(), "y": (factor * tried[:, 1]).tolist(),
@@ -409,18 +380,6 @@ def objective_chart(fit: Fit) -> Chart:
             "xaxis2": axis(f"d_f [{fit.d_f.unit}]", anchor="y2", exponentformat="e"),
             "yaxis2": axis("opt_d [% damping]", domain=[0.0, 0.38], rangemode="tozero"),
         },
-    )
-
-
-def _history(estimate: Estimate) -> NDArray[np.float64]:
-    return estimate.history[np.argsort(estimate.history[:, 0])]
-
-
-def matrix_csv(value: NDArray[np.float64], rows: NDArray[np.float64], columns: NDArray[np.float64]) -> str:
-    """Write a matrix as CSV with the frequencies of its rows and columns, Hz."""
-    return as_csv(
-        ("frequency [Hz]", *(f"{f:.6g}" for f in columns)),
-        ((f"{f:.6g}", *row) for f, row in zip(rows, value, strict=True)),
     )
 
 

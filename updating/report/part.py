@@ -316,14 +316,33 @@ class Chart:
         """The same as the page holds it, drawn by `charts.js`."""
         return json.dumps(self.plain, separators=(",", ":"))
 
+    @property
+    def csv(self) -> str:
+        """The numbers that are drawn: a heat map as a matrix, all else as a row for each point."""
+        first = self.traces[0]
+        if first["type"] == "heatmap":
+            return as_csv(("", *first["x"]), ((y, *row) for y, row in zip(first["y"], first["z"], strict=True)))
+        rows: list[Sequence[object]] = []
+        for trace in self.traces:
+            sides = [self.layout.get(f"{k}axis{trace.get(f'{k}axis', k)[1:]}", {}) for k in "xy"]
+            titles = [side.get("title", {}).get("text", "") for side in sides]
+            x, y = (_named(trace[k]) or list(trace[k]) for k in "xy")
+            cells = [" ".join(at) if isinstance(at, tuple) else at for at in x]
+            error = trace.get("error_y", {"array": [0.0] * len(y)})
+            down, up = error.get("arrayminus", error["array"]), error["array"]
+            for a, b, less, more in zip(cells, y, down, up, strict=True):
+                ends = (f"{b - less:.6g}", f"{b + more:.6g}") if "error_y" in trace else ("", "")
+                rows.append((trace.get("name", ""), titles[0], a, titles[1], b, *ends))
+        return as_csv(("series", "across", "x", "upwards", "y", "lower", "upper"), rows)
+
 
 def charted(
     name: str,
     chart: Chart,
-    data: str,
     *,
     alt: str,
     caption: str,
+    data: str = "",
     width: Literal["half", "full"] = "full",
     size: tuple[float, float] | None = None,
     form: Literal["svg", "png"] = "svg",
@@ -333,8 +352,10 @@ def charted(
 
     Parameters
     ----------
-    name, data, alt, caption, width, form
+    name, alt, caption, width, form
         As in `Picture`.
+    data : str
+        Its numbers as CSV, by default those that are drawn.
     chart : Chart
         What it shows.
     size, n_colour
@@ -346,7 +367,7 @@ def charted(
         name=name,
         content=svg(figure) if form == "svg" else png(figure, n_colour),
         form=form,
-        data=data,
+        data=data or chart.csv,
         alt=alt,
         caption=caption,
         width=width,

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ema.plot import palette
-from updating.report.part import Chart, Picture, Section, as_csv, axis, charted
+from updating.report.part import Chart, Picture, Section, axis, charted
 from updating.results.pooled import SPECIMEN_HEADER, PooledDiagnosis, SpecimenAnswer, contact_cells, specimen_row
 from updating.results.text import Table, in_percent, interval_text
 
@@ -62,7 +62,7 @@ def _overview(diagnosis: PooledDiagnosis) -> Section:
     return Section(
         title="All specimens at a glance",
         blocks=(
-            error_picture(diagnosis.specimens, group),
+            error_picture(diagnosis.specimens),
             table,
             *(contact_picture(diagnosis.specimens, name, group) for name in ("G_f", "d_f")),
         ),
@@ -124,56 +124,35 @@ def _error(ratio: float) -> str:
     return f"{percent:+.2f}" if abs(percent) >= 1.0 else f"{percent:+.3f}"
 
 
-def error_picture(specimens: Sequence[SpecimenAnswer], group: str) -> Picture:
+def error_picture(specimens: Sequence[SpecimenAnswer]) -> Picture:
     """Draw the error of each specimen before and after; those that are odd are marked."""
     odd = [specimen.name for specimen in specimens if specimen.odd]
     return charted(
         "specimen_errors",
         _error_chart(specimens),
-        as_csv(
-            ("specimen", group, "error before [1]", "error after [1]", "left out [1]", "odd"),
-            (
-                (
-                    specimen.name,
-                    specimen.notes.get(group, ""),
-                    specimen.base_error,
-                    specimen.error,
-                    specimen.left_out_error,
-                    " ".join(specimen.odd),
-                )
-                for specimen in specimens
-            ),
-        ),
         alt=f"Frequency errors of {len(specimens)} specimens before and after; odd: {', '.join(odd) or 'none'}",
         caption="Mean frequency error of each specimen with the base model and with what was identified. "
         + ("A diamond marks what is odd." if odd else "No specimen is odd."),
     )
 
 
-def _error_series(specimens: Sequence[SpecimenAnswer]) -> list[tuple[str, str, str, list[SpecimenAnswer], str]]:
-    """Return the series of the picture: marker, colour, name, the specimens in it and the error that it shows."""
-    series = [
-        ("circle", palette.BASE, "base model", list(specimens), "base_error"),
-        ("circle", palette.FOUND, "with what was identified", list(specimens), "error"),
-    ]
-    odd = [specimen for specimen in specimens if specimen.odd]
-    return [*series, *([("diamond", palette.ACCENT, "odd", odd, "error")] if odd else [])]
-
-
 def _error_chart(specimens: Sequence[SpecimenAnswer]) -> Chart:
+    series = [
+        ("circle", palette.BASE, "base model", specimens, "base_error"),
+        ("circle", palette.FOUND, "with what was identified", specimens, "error"),
+    ]
+    if odd := [specimen for specimen in specimens if specimen.odd]:
+        series.append(("diamond", palette.ACCENT, "odd", odd, "error"))
     traces = [
         {
-            "type": "scatter",
-            "mode": "markers",
-            "name": name,
-            "x": [specimen.name for specimen in drawn],
+            "type": "scatter", "mode": "markers", "name": name, "x": [specimen.name for specimen in drawn],
             "y": [100.0 * getattr(specimen, key) for specimen in drawn],
             "text": [", ".join(specimen.odd) for specimen in drawn],
             "marker": {"color": color, "symbol": symbol, "size": 9},
             "hovertemplate": "%{x}: %{y:.3g} % %{text}<extra>" + name + "</extra>",
         }
-        for symbol, color, name, drawn, key in _error_series(specimens)
-    ]
+        for symbol, color, name, drawn, key in series
+    ]  # fmt: skip
     return Chart(
         traces=traces,
         layout={
@@ -190,21 +169,6 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
     return charted(
         f"specimen_{name}",
         contact_chart(specimens, name, group),
-        as_csv(
-            ("specimen", group, "configuration", "pressure [kPa]", f"{_LABEL[name]}", "lower", "upper"),
-            (
-                (
-                    specimen.name,
-                    specimen.notes.get(group, ""),
-                    state.name,
-                    1e-3 * state.pressure,
-                    *(float(f"{getattr(getattr(state, name), end):.6g}") for end in ("value", "lower", "upper")),
-                )
-                for specimen in specimens
-                for state in specimen.states
-                if getattr(state, name)
-            ),
-        ),
         alt=f"{_LABEL[name]} of {len(specimens)} specimens over pressure",
         caption=f"{name} at each torque alone, with 95 % intervals; a line is a specimen"
         + (f", its colour the {group}." if group else ".")
@@ -215,24 +179,25 @@ def contact_picture(specimens: Sequence[SpecimenAnswer], name: Contact, group: s
 
 def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str) -> Chart:
     """Return a contact parameter over pressure as lines to be zoomed, one a specimen, coloured by a column of notes."""
-    colour, shown, traces = _colours(specimens, group), set[str](), []
+    groups = list(dict.fromkeys(specimen.notes.get(group, "") for specimen in specimens))
+    shown, traces = set[str](), []
     for specimen in specimens:
-        x, y, down, up = _line(specimen, name)
+        states = sorted((s for s in specimen.states if getattr(s, name)), key=lambda state: state.pressure)
+        found = [getattr(state, name) for state in states]
         value = specimen.notes.get(group, "")
         traces.append(
             {
-                "type": "scatter",
-                "mode": "lines+markers",
-                "name": specimen.name,
-                "legendgroup": value,
+                "type": "scatter", "mode": "lines+markers", "name": specimen.name, "legendgroup": value,
                 "legendgrouptitle": {"text": value or "not stated"} if group and value not in shown else {},
-                "x": x,
-                "y": y,
-                "error_y": {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "width": 0},
-                "line": {"color": colour[specimen.name]},
+                "x": [1e-3 * state.pressure for state in states], "y": [p.value for p in found],
+                "error_y": {
+                    "type": "data", "symmetric": False, "width": 0, "array": [p.upper - p.value for p in found],
+                    "arrayminus": [p.value - p.lower for p in found],
+                },
+                "line": {"color": palette.SERIES[groups.index(value) % len(palette.SERIES)]},
                 "hovertemplate": "%{x:g} kPa: %{y:.4g}<extra>" + f"{specimen.name} {value}" + "</extra>",
             }
-        )
+        )  # fmt: skip
         shown.add(value)
     return Chart(
         traces=traces,
@@ -243,25 +208,3 @@ def contact_chart(specimens: Sequence[SpecimenAnswer], name: Contact, group: str
             "margin": {"r": 8, "t": 16},
         },
     )
-
-
-def _line(specimen: SpecimenAnswer, name: Contact) -> tuple[list[float], list[float], list[float], list[float]]:
-    """Return pressures in kPa, the parameter there, and how far its interval goes down and up."""
-    states = sorted(specimen.states, key=lambda state: state.pressure)
-    states = [state for state in states if getattr(state, name)]
-    values = [getattr(state, name) for state in states]
-    return (
-        [1e-3 * state.pressure for state in states],
-        [v.value for v in values],
-        [v.value - v.lower for v in values],
-        [v.upper - v.value for v in values],
-    )
-
-
-def _colours(specimens: Sequence[SpecimenAnswer], group: str) -> dict[str, str]:
-    """Return the colour of each specimen by name: one for each value of a column of the notes."""
-    values = list(dict.fromkeys(specimen.notes.get(group, "") for specimen in specimens))
-    return {
-        specimen.name: palette.SERIES[values.index(specimen.notes.get(group, "")) % len(palette.SERIES)]
-        for specimen in specimens
-    }

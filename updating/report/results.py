@@ -192,15 +192,15 @@ class Results:
     """
 
     name: str
-    tested: tuple[Tested, ...]
-    missing: tuple[str, ...]
-    ledger: tuple[Entry, ...]
-    diagnosis: Diagnosis | None
-    updated: Updated | None
     folder: Path
-    campaign: Path | None
-    pooled: PooledDiagnosis | None
     origin: dict[str, dict[str, Any]]
+    tested: tuple[Tested, ...] = ()
+    missing: tuple[str, ...] = ()
+    ledger: tuple[Entry, ...] = ()
+    diagnosis: Diagnosis | None = None
+    updated: Updated | None = None
+    campaign: Path | None = None
+    pooled: PooledDiagnosis | None = None
     remarks: tuple[str, ...] = ()
     about: tuple[tuple[str, str], ...] = ()
 
@@ -226,13 +226,13 @@ def read_results(folder: Path, *, keep: bool = False) -> Results:
     reader = _Reader(folder, keep=keep)
     for name in ("pooled_diagnosis.json", "pooled_fit.json"):  # a diagnosis says more
         if (folder / name).exists():
-            return _read_pooled(folder, name, reader)
-    if (folder / "campaign.json").exists():
-        results = _read_campaign(folder, reader)
-    else:
+            pooled, remarks = reader.needed(folder / name, PooledDiagnosis), tuple(reader.remarks)
+            return Results(name=pooled.name, folder=folder, origin=reader.origin, pooled=pooled, remarks=remarks)
+    if not (folder / "campaign.json").exists():
         raise StoreError(
             f"{folder}: no campaign.json to report on; make results with: lamella fit CAMPAIGN -o {folder}"
         )
+    results = _read_campaign(folder, reader)
     if not results.tested:
         raise StoreError(f"{folder}: none of its configurations is done; go on with: lamella fit CAMPAIGN -o {folder}")
     return results
@@ -304,23 +304,28 @@ def _read_campaign(folder: Path, reader: _Reader) -> Results:
     folders = {c.name: folder / folder_name(c.name) for c in campaign.configurations}
     identified = [c for c in campaign.configurations if (folders[c.name] / "modal_model.json").exists()]
     del reader.origin["campaign.json"]
-    tested = _with_references([_read_tested(folders[c.name], c, reader) for c in identified])
+    named = {c.name: _read_tested(folders[c.name], c, reader) for c in identified}
+    ledger = reader.optional(folder / "ledger.json", Ledger)
+    diagnosis, updated = (
+        reader.optional(folder / "diagnosis.json", Diagnosis),
+        reader.optional(folder / "update.json", Updated),
+    )
+    about = (("Project", campaign.project), ("Author", campaign.author), ("Date of the test", campaign.date))
     return Results(
         name=campaign.name,
-        tested=tested,
-        missing=tuple(name for name in folders if name not in {c.name for c in identified}),
-        **_read_common(folder, reader),
-        campaign=_campaign_file(folder),
-        about=tuple(
-            (name, text)
-            for name, text in (
-                ("Project", campaign.project),
-                ("Author", campaign.author),
-                ("Date of the test", campaign.date),
-            )
-            if text
+        folder=folder,
+        origin=reader.origin,
+        tested=tuple(
+            tested if tested.change is None else replace(tested, reference=named.get(tested.change.reference[0]))
+            for tested in named.values()
         ),
-        pooled=None,
+        missing=tuple(name for name in folders if name not in named),
+        ledger=() if ledger is None else ledger.entry,
+        diagnosis=diagnosis,
+        updated=updated,
+        campaign=_campaign_file(folder),
+        remarks=tuple(reader.remarks),
+        about=tuple((name, text) for name, text in about if text),
     )
 
 
@@ -348,15 +353,6 @@ def _read_tested(folder: Path, configuration: Configuration, reader: _Reader) ->
     )
 
 
-def _with_references(configurations: Sequence[Tested]) -> tuple[Tested, ...]:
-    """Return configurations, each with the reference that it is compared with."""
-    named = {tested.name: tested for tested in configurations}
-    return tuple(
-        tested if tested.change is None else replace(tested, reference=named.get(tested.change.reference[0]))
-        for tested in configurations
-    )
-
-
 def _kind_of_fit(path: Path) -> type[ModelFit]:
     """Return what a fit is of: matrices, or a stack."""
     if not path.exists() or read_document(path)["kind"] == Fit.__name__:
@@ -365,36 +361,6 @@ def _kind_of_fit(path: Path) -> type[ModelFit]:
     from updating.diagnosis.matrices_answer import MatricesFit
 
     return MatricesFit
-
-
-def _read_common(folder: Path, reader: _Reader) -> dict[str, Any]:
-    """Read what a campaign of either kind may have."""
-    ledger = reader.optional(folder / "ledger.json", Ledger)
-    return {
-        "folder": folder,
-        "ledger": () if ledger is None else ledger.entry,
-        "diagnosis": reader.optional(folder / "diagnosis.json", Diagnosis),
-        "updated": reader.optional(folder / "update.json", Updated),
-        "origin": reader.origin,
-        "remarks": tuple(reader.remarks),
-    }
-
-
-def _read_pooled(folder: Path, name: str, reader: _Reader) -> Results:
-    pooled = reader.needed(folder / name, PooledDiagnosis)
-    return Results(
-        name=pooled.name,
-        tested=(),
-        missing=(),
-        ledger=(),
-        diagnosis=None,
-        updated=None,
-        pooled=pooled,
-        folder=folder,
-        campaign=None,
-        origin=reader.origin,
-        remarks=tuple(reader.remarks),
-    )
 
 
 FILE, BASE_FILE = "identified_model.json", "base_model.json"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -94,7 +93,7 @@ def shift_picture(change: Change) -> Picture:
     return charted(
         f"change_{change.name}",
         shift_chart(change),
-        change_csv(change),
+        data=change_csv(change),
         alt="Shifts of the frequencies: "
         + ", ".join(f"mode {r + 1} {100 * s:+.2g} %" for r, s in zip(change.reference_mode, shift, strict=True)),
         caption="Shift of each frequency against the reference. The bars are the interval in which an unchanged "
@@ -253,12 +252,12 @@ def functions_picture(tested: Tested, reference: Tested) -> Picture | None:
     lines, before = common
     curves = {CHANGED: lines.value[:, 0], REFERENCE: before}
     order = range(lines.output.node.size)
-    mean = {tested.name: _mean(curves[CHANGED]), reference.name: _mean(before)}
+    mean = mean_chart(tested, reference, common)
     return Picture(
         name=f"beside_{tested.name}",
-        content=png(printed(_mean_chart(lines.frequency, mean), (7.0, 3.4))),
+        content=png(printed(mean, (7.0, 3.4))),
         form="png",
-        data=as_csv(("frequency [Hz]", *mean), zip(lines.frequency, *mean.values(), strict=True)),
+        data=mean.csv,
         alt=f"Functions of {tested.name} over those of {reference.name}",
         caption=f"Functions of {tested.name} (changed) over those of {reference.name} (reference), each by itself; a "
         "print shows the root mean square of all.",
@@ -267,26 +266,16 @@ def functions_picture(tested: Tested, reference: Tested) -> Picture | None:
     )
 
 
-def mean_chart(tested: Tested, reference: Tested) -> Chart | None:
-    """Return the root mean square of all functions of both states as a chart; None where lines differ."""
-    common = common_lines(tested, reference)
-    if common is None:
-        return None
+def mean_chart(tested: Tested, reference: Tested, common: tuple[FRF, NDArray[np.complex128]]) -> Chart:
+    """Return the root mean square of all functions of both states, as `common_lines` has these, as a chart."""
     lines, before = common
-    return _mean_chart(lines.frequency, {tested.name: _mean(lines.value[:, 0]), reference.name: _mean(before)})
-
-
-def _mean(functions: NDArray[np.complex128]) -> Vector:
-    return np.sqrt(np.mean(np.abs(functions) ** 2, axis=0))
-
-
-def _mean_chart(frequency: Vector, mean: Mapping[str, Vector]) -> Chart:
+    shown = ((tested.name, lines.value[:, 0], palette.MEASURED), (reference.name, before, palette.BASE))
     traces = [
         {
-            "type": "scatter", "mode": "lines", "name": name, "x": single(frequency), "y": single(value),
-            "line": {"color": color},
+            "type": "scatter", "mode": "lines", "name": name, "x": single(lines.frequency),
+            "y": single(np.sqrt(np.mean(np.abs(functions) ** 2, axis=0))), "line": {"color": color},
         }
-        for (name, value), color in zip(mean.items(), (palette.MEASURED, palette.BASE), strict=True)
+        for name, functions, color in shown
     ]  # fmt: skip
     return Chart(
         traces=traces,

@@ -23,6 +23,7 @@ from updating.report.part import Chart, axis
 from updating.report.results import Tested
 from updating.report.state_part import (
     change_table,
+    common_lines,
     error_map,
     location_text,
     map_chart,
@@ -141,9 +142,9 @@ class _Comparison:
             return
         table = change_table(change)
         state.change_head, state.change_rows = list(table.header), [list(row) for row in table.rows]
-        beside = None if tested.reference is None else mean_chart(tested, tested.reference)
-        if beside is not None:
-            state.has_functions_beside, state.change_functions = True, figure(beside)
+        if tested.reference is not None and (common := common_lines(tested, tested.reference)) is not None:
+            state.has_functions_beside = True
+            state.change_functions = figure(mean_chart(tested, tested.reference, common))
         state.shifts = figure(shift_chart(change))
         state.change_mac = figure(
             mac_chart(change.mac_matrix, change.matrix_row, change.matrix_column, change.name, change.reference[0])
