@@ -7,7 +7,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import (
     CampaignFile,
@@ -32,6 +31,7 @@ from ema.io.uff import FileUnits, read_uff_geometry, read_uff_units
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
 from ema.types.frf import Dof, Geometry
+from lamella_arrays import Complexes
 from lamella_shared import did_you_mean, read_form
 
 
@@ -97,7 +97,7 @@ class Correction:
     exclude: bool
     reason: str
 
-    def changed(self, value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def changed(self, value: Complexes) -> Complexes:
         """Return the values of a function, (n_frequency,), as they are corrected."""
         return self.scale * (value.conj() if self.conjugate else value)
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.draft import Draft, PointsFound, first_points, force_by_exclusion, model_file, unlisted
@@ -25,6 +24,7 @@ from ema.io.sdynpy import is_shape_array
 from ema.io.table import read_points
 from ema.io.uff import read_uff_geometry
 from ema.types.errors import CampaignError, MeasurementError
+from lamella_arrays import Integers, Reals
 
 _GAP = 3.0  # of the usual distance of neighbours: what is farther apart has a hole between
 
@@ -55,9 +55,7 @@ def lines_text(points: PointsFound, *, per_row: int = 6) -> list[str]:
     ]
 
 
-def trace_lines(
-    node: NDArray[np.int64], coordinate: NDArray[np.float64], *, same: float = 1e-3, grid: float = 0.9
-) -> list[list[int]]:
+def trace_lines(node: Integers, coordinate: Reals, *, same: float = 1e-3, grid: float = 0.9) -> list[list[int]]:
     """Return lines through points that are neighbours.
 
     Points that form a grid are joined along the axes. Others are joined as triangles (Delaunay) on each plane face of
@@ -94,7 +92,7 @@ def trace_lines(
     return [[int(node[a]), int(node[b])] for a, b in edges]
 
 
-def _rows(cell: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+def _rows(cell: Integers) -> Iterator[tuple[int, Integers]]:
     """Yield each row of neighbours along an axis, as axis and indices of the points, parted at holes."""
     for axis in range(3):
         others = np.delete(cell, axis, axis=1)
@@ -111,7 +109,7 @@ def _rows(cell: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
             yield from ((axis, part) for part in np.split(row, holes) if part.size > 1)
 
 
-def _face_edges(coordinate: NDArray[np.float64], same: float) -> Iterator[tuple[int, int]]:
+def _face_edges(coordinate: Reals, same: float) -> Iterator[tuple[int, int]]:
     """Yield the edges of the triangles on every face, as pairs of indices of points in rising order."""
     for face, plane in _faces(coordinate, same):
         for triangle in _triangles(plane):
@@ -119,7 +117,7 @@ def _face_edges(coordinate: NDArray[np.float64], same: float) -> Iterator[tuple[
             yield from ((min(pair), max(pair)) for pair in pairwise(closed))
 
 
-def _faces(coordinate: NDArray[np.float64], same: float) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+def _faces(coordinate: Reals, same: float) -> Iterator[tuple[Integers, Reals]]:
     """Yield the points of each plane face, and where they are in its plane."""
     centred = coordinate - coordinate.mean(axis=0)
     _, _, direction = np.linalg.svd(centred, full_matrices=False)
@@ -133,7 +131,7 @@ def _faces(coordinate: NDArray[np.float64], same: float) -> Iterator[tuple[NDArr
             yield face, np.delete(coordinate[face], axis, axis=1)
 
 
-def _triangles(plane: NDArray[np.float64]) -> NDArray[np.int64]:
+def _triangles(plane: Reals) -> Integers:
     """Return triangles (n, 3) of points in a plane, without those that span a hole; none where all are in a row."""
     import scipy.spatial as spatial
 

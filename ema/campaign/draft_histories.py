@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import format_of, natural
 from ema.campaign.estimate import find_hits
@@ -21,6 +20,7 @@ from ema.io.table import TableLayout, read_table
 from ema.io.uff import read_uff_functions
 from ema.io.variables import VariableLayout
 from ema.types.errors import MeasurementError
+from lamella_arrays import Booleans, Integers, Reals
 
 Set = tuple[Contents, ...]
 """Files that hold channels of the same records."""
@@ -197,7 +197,7 @@ def of_motions_alone(files: Set) -> bool:
     return len(titles) > 1 and bool(_are_motions(titles, len(titles)).all())
 
 
-def _are_motions(titles: list[str], count: int) -> NDArray[np.bool_]:
+def _are_motions(titles: list[str], count: int) -> Booleans:
     """Tell whether the title of each channel states the unit or the name of a motion, so that it is no force."""
     if len(titles) != count:
         return np.zeros(count, dtype=bool)
@@ -233,11 +233,11 @@ def _window(forces: list[MeasuredFunction], *, fewest_hits: int = 3) -> dict[str
 
 
 def _hits(
-    force: NDArray[np.float64],
+    force: Reals,
     *,
     # Of a record.
     shortest_block: float = 0.02,
-) -> NDArray[np.int64]:
+) -> Integers:
     return find_hits(force, max(1, int(shortest_block * force.size)))
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.measured_function import parse_unit
 from ema.types.errors import MeasurementError
-from lamella_shared import arrays
+from lamella_arrays import Complexes, Integers, Reals, arrays
 
 Position = Annotated[int, Field(ge=1)]
 
@@ -100,16 +100,14 @@ class FRFEstimate:
         What the exponential window adds to the decay rate of every pole, 1/s.
     """
 
-    frequency: NDArray[np.float64]
-    value: NDArray[np.complex128]
-    coherence: NDArray[np.float64] | None
+    frequency: Reals
+    value: Complexes
+    coherence: Reals | None
     n_average: int
     decay_rate: float
 
 
-def estimate_frf(
-    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
-) -> FRFEstimate:
+def estimate_frf(force: Reals, response: Reals, rate: float, averaging: Averaging) -> FRFEstimate:
     """Estimate the FRFs between one force and several responses from averaged auto- and cross-spectra.
 
     With G the averaged spectra, H1 = G_fx / G_ff, H2 = G_xx / G_xf, and Hv, for noise in the same proportion
@@ -191,7 +189,7 @@ def spectrum_settings(n_sample: int, rate: float, averaging: Averaging) -> dict[
 
 
 def _spectra_of_one(
-    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
+    force: Reals, response: Reals, rate: float, averaging: Averaging
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return the lines and the averaged spectra of force, of force and response, and of response."""
     from scipy import signal
@@ -203,7 +201,7 @@ def _spectra_of_one(
     return frequency, g_ff.real.mean(axis=0), g_fx, g_xx
 
 
-def clipped_share(record: NDArray[np.float64]) -> float:
+def clipped_share(record: Reals) -> float:
     """Return the share of samples of an overloaded record that stick to its largest or smallest value.
 
     A signal that is cut holds its extreme value again and again, but few values just inside it. So an extreme
@@ -228,7 +226,7 @@ def clipped_share(record: NDArray[np.float64]) -> float:
     return stuck / record.size
 
 
-def double_hit(force: NDArray[np.float64]) -> float:
+def double_hit(force: Reals) -> float:
     """Return the largest later pulse of an impact record over its main pulse; 0 where there is only one.
 
     The main pulse is followed down to a tenth of its peak; what rises again above a tenth is a second hit.
@@ -256,7 +254,7 @@ FEWEST_SAMPLES = 4
 """Fewer samples of a pulse tell neither its size nor its time: half a sample is 70 degrees at a usual last line."""
 
 
-def find_hits(force: NDArray[np.float64], n_block: int, *, above_noise: float = 20.0) -> NDArray[np.int64]:
+def find_hits(force: Reals, n_block: int, *, above_noise: float = 20.0) -> Integers:
     """Return the first sample of each hit in a record; pulses within `n_block` samples of a hit belong to it.
 
     Parameters
@@ -276,7 +274,7 @@ def find_hits(force: NDArray[np.float64], n_block: int, *, above_noise: float = 
     return np.array(hits, dtype=np.int64)
 
 
-def cut_at_hits(value: NDArray[np.float64], n_block: int, n_before: int) -> tuple[NDArray[np.float64], int]:
+def cut_at_hits(value: Reals, n_block: int, n_before: int) -> tuple[Reals, int]:
     """Cut records at their hits.
 
     Parameters
@@ -314,7 +312,7 @@ def cut_at_hits(value: NDArray[np.float64], n_block: int, n_before: int) -> tupl
     return np.array(blocks), left_out
 
 
-def second_pulse(force: NDArray[np.float64]) -> float:
+def second_pulse(force: Reals) -> float:
     """Return the largest other pulse of a hit over its main one, before or after it; 0 where there is none.
 
     A force that does not rest most of the time is no hit, but periodic excitation: 0.
@@ -325,7 +323,7 @@ def second_pulse(force: NDArray[np.float64]) -> float:
     return max(double_hit(force), double_hit(force[::-1]))
 
 
-def pulse_samples(force: NDArray[np.float64]) -> int:
+def pulse_samples(force: Reals) -> int:
     """Return the samples of a hit above a tenth of its peak; 0 where the force does not rest most of the time."""
     size = np.abs(force - np.median(force))
     if np.median(size) > AT_REST * size.max() or size.max() == 0.0:
@@ -366,18 +364,16 @@ class FRFMatrixEstimate:
         What the exponential window adds to the decay rate of every pole, 1/s.
     """
 
-    frequency: NDArray[np.float64]
-    value: NDArray[np.complex128]
-    partial_coherence: NDArray[np.float64]
-    multiple_coherence: NDArray[np.float64]
-    independent: NDArray[np.float64]
+    frequency: Reals
+    value: Complexes
+    partial_coherence: Reals
+    multiple_coherence: Reals
+    independent: Reals
     n_average: int
     decay_rate: float
 
 
-def estimate_frf_matrix(
-    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
-) -> FRFMatrixEstimate:
+def estimate_frf_matrix(force: Reals, response: Reals, rate: float, averaging: Averaging) -> FRFMatrixEstimate:
     """Estimate the FRFs between several forces that act at once and several responses.
 
     With G the averaged spectra, H1 = G_xf G_ff^-1 (Bendat and Piersol, Random Data, 4th ed., sec. 7.2; there the
@@ -431,7 +427,7 @@ def estimate_frf_matrix(
     )
 
 
-def _averages(force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging) -> int:
+def _averages(force: Reals, response: Reals, rate: float, averaging: Averaging) -> int:
     """Return the number of blocks; refuse what does not tell the parts of the forces."""
     n_force = force.shape[0]
     n_block, n_overlap, _ = block_of(force.shape[-1], rate, averaging)
@@ -449,7 +445,7 @@ def _averages(force: NDArray[np.float64], response: NDArray[np.float64], rate: f
 
 
 def _spectra_of_several(
-    force: NDArray[np.float64], response: NDArray[np.float64], rate: float, averaging: Averaging
+    force: Reals, response: Reals, rate: float, averaging: Averaging
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return lines and averaged spectra: G_ff (n_frequency, n_force, n_force), G_xf (..., n_output, n_force), G_xx."""
     from scipy import signal  # here: it takes long to import, and most tests come as FRFs
@@ -461,7 +457,7 @@ def _spectra_of_several(
     return frequency, *(np.moveaxis(g.mean(axis=2), -1, 0) for g in (g_ff, g_xf)), g_xx.T
 
 
-def _independent(g_ff: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _independent(g_ff: Complexes) -> Reals:
     """Return the share of each force, (n_frequency, n_force), that the others do not hold: 1 less its coherence."""
     auto = np.einsum("faa->fa", g_ff).real
     scale = np.sqrt(auto + np.finfo(float).tiny)
@@ -470,7 +466,7 @@ def _independent(g_ff: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.asarray(1.0 / np.maximum(np.einsum("faa->fa", inverse).real, 1.0))
 
 
-def _require_independent(g_ff: NDArray[np.complex128], *, least_independent: float = 1e-3) -> None:
+def _require_independent(g_ff: Complexes, *, least_independent: float = 1e-3) -> None:
     """Refuse forces that are zero, or that do the same at most lines.
 
     `least_independent`: share of a force that the others do not hold, below which its functions cannot be separated
@@ -488,9 +484,7 @@ def _require_independent(g_ff: NDArray[np.complex128], *, least_independent: flo
         )
 
 
-def _total_least_squares(
-    g_ff: NDArray[np.complex128], g_xf: NDArray[np.complex128], g_xx: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+def _total_least_squares(g_ff: Complexes, g_xf: Complexes, g_xx: Reals) -> Complexes:
     """Return Hv, (n_frequency, n_output, n_force)."""
     n_frequency, n_output, n_force = g_xf.shape
     value = np.empty(g_xf.shape, dtype=complex)

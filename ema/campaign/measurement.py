@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration, Correction, Files
 from ema.campaign.reading import (
@@ -24,7 +23,7 @@ from ema.campaign.reading import (
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dof, Dofs, Geometry, Quantity
-from lamella_shared import readonly
+from lamella_arrays import Complexes, Reals, readonly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,7 +51,7 @@ class Measurement:
     configuration: Configuration
     frf: FRF
     geometry: Geometry
-    overload: NDArray[np.float64]
+    overload: Reals
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -64,9 +63,9 @@ class Measurement:
 class _Entry:
     """One FRF on its way into the block."""
 
-    frequency: NDArray[np.float64]
-    value: NDArray[np.complex128]
-    coherence: NDArray[np.float64] | None
+    frequency: Reals
+    value: Complexes
+    coherence: Reals | None
     quantity: Quantity
     output: Dof
     input: Dof
@@ -486,7 +485,7 @@ def _block(
     outputs: list[tuple[int, tuple[float, ...]]],
     inputs: list[tuple[int, tuple[float, ...]]],
     notes: list[str],
-) -> tuple[FRF, NDArray[np.float64]]:
+) -> tuple[FRF, Reals]:
     table = [[pairs[o, i] for i in inputs] for o in outputs]
     responses, forces = [row[0].output for row in table], [entry.input for entry in table[0]]
     reciprocal = len(inputs) > len(outputs)

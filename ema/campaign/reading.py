@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign
 from ema.campaign.campaign_file import Format, format_of
@@ -41,6 +40,7 @@ from ema.io.table import TableLayout, read_records, read_table
 from ema.io.uff import read_uff_functions
 from ema.io.variables import read_variables
 from ema.types.errors import CampaignError, MeasurementError
+from lamella_arrays import Booleans, Complexes, Reals
 
 _Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float]
 
@@ -137,7 +137,7 @@ def _functions(
     records: list[list[MeasuredFunction]],
     n_force: int,
     estimate: FRFEstimate,
-    clipped: NDArray[np.float64],
+    clipped: Reals,
     averaging: Averaging,
     notes: list[str],
 ) -> list[_Found]:
@@ -205,9 +205,7 @@ def _unit(averaging: Averaging) -> tuple[float, Unit | None]:
     return factor / (1.0 if force_unit is None else force_unit.factor), response_unit
 
 
-def _single_hits(
-    file: Path, value: NDArray[np.float64], rate: float, averaging: Averaging, notes: list[str]
-) -> NDArray[np.float64]:
+def _single_hits(file: Path, value: Reals, rate: float, averaging: Averaging, notes: list[str]) -> Reals:
     """Return records with one hit each, (n_record, n_channel, n_sample), those of continuous excitation as they are."""
     if averaging.before_hit_s is not None:
         assert averaging.block_s is not None
@@ -421,7 +419,7 @@ def _coherences(
     return [by_dof.get((f.output, f.input)) for f in frfs]
 
 
-def snapped(frequency: NDArray[np.float64], *, nearly_zero: float = 0.05) -> NDArray[np.float64]:
+def snapped(frequency: Reals, *, nearly_zero: float = 0.05) -> Reals:
     """Return a uniform axis where the stored one differs from it by no more than its printed digits.
 
     `nearly_zero`: share of a step; put in place of 0 Hz, to divide by it.
@@ -484,7 +482,7 @@ def with_finite_lines(entries: Sequence[Entry], band: tuple[float, float] | None
     return kept
 
 
-def _edges(finite: list[NDArray[np.bool_]], inside: NDArray[np.bool_]) -> tuple[int, int]:
+def _edges(finite: list[Booleans], inside: Booleans) -> tuple[int, int]:
     """Return the first line that is kept and the one after the last: few are cut off inside the band."""
     common = np.ones(inside.size, bool)
     for is_finite in finite:
@@ -502,9 +500,7 @@ def _edges(finite: list[NDArray[np.bool_]], inside: NDArray[np.bool_]) -> tuple[
     return first, last
 
 
-def _bridged(
-    value: NDArray[np.complex128], finite: NDArray[np.bool_], inside: NDArray[np.bool_]
-) -> NDArray[np.complex128]:
+def _bridged(value: Complexes, finite: Booleans, inside: Booleans) -> Complexes:
     """Return a function with its short gaps bridged, and with those outside the band, which nothing looks at."""
     longest_gap = 2  # lines in a row that are bridged; a longer gap may hide a resonance
     line, known = np.arange(value.size), np.flatnonzero(finite)

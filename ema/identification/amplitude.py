@@ -24,7 +24,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels
@@ -34,9 +33,7 @@ from ema.quality.channels import check, usable
 from ema.types.errors import EmaError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dofs, Quantity, driving_points
 from ema.types.modal_model import ModalModel, synthesize
-from lamella_shared import arrays
-
-Vector = NDArray[np.float64]
+from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,19 +87,19 @@ class AmplitudeDependence:
 
     name: str
     level: tuple[str, ...]
-    force: Vector
+    force: Reals
     point: str
-    frequency: Vector
-    frequency_std: Vector
-    damping: Vector
-    damping_std: Vector
-    motion: Vector
-    rms_motion: Vector
-    mode: NDArray[np.int64]
-    mac: Vector
+    frequency: Reals
+    frequency_std: Reals
+    damping: Reals
+    damping_std: Reals
+    motion: Reals
+    rms_motion: Reals
+    mode: Integers
+    mac: Reals
 
     @property
-    def softening(self) -> Vector:
+    def softening(self) -> Reals:
         """Share by which each frequency changes from the smallest to the largest amplitude, (n_mode,); NaN of one."""
         return _between_ends(self.frequency)
 
@@ -146,7 +143,7 @@ class AmplitudeDependence:
             )
 
 
-def _between_ends(table: Vector) -> Vector:
+def _between_ends(table: Reals) -> Reals:
     """Return last over first number of each column, less 1; NaN where a column has fewer than two."""
     change = np.full(table.shape[1], np.nan)
     for r, column in enumerate(table.T):
@@ -183,7 +180,7 @@ def amplitude_dependence(name: str, levels: Sequence[Level]) -> AmplitudeDepende
         for level, modes, (_, i) in zip(ordered, of_level, place, strict=True)
     ]
 
-    def table(values: Sequence[Vector]) -> Vector:
+    def table(values: Sequence[Reals]) -> Reals:
         return np.array([np.where(modes >= 0, value[modes], np.nan) for modes, value in zip(mode, values, strict=True)])
 
     return AmplitudeDependence(
@@ -295,11 +292,11 @@ class Resonances:
         Displacement of each output in that mode alone, over the force, m/N.
     """
 
-    frequency: Vector
-    damping: Vector
-    frequency_std: Vector
-    damping_std: Vector
-    response: Vector
+    frequency: Reals
+    damping: Reals
+    frequency_std: Reals
+    damping_std: Reals
+    response: Reals
 
 
 def resonances(frf: FRF, modal_model: ModalModel) -> Resonances:
@@ -330,15 +327,15 @@ def resonances(frf: FRF, modal_model: ModalModel) -> Resonances:
 
 
 def _resonance(
-    frequency: Vector,
-    rest: NDArray[np.complex128],
+    frequency: Reals,
+    rest: Complexes,
     model: ModalModel,
     r: int,
-    power: Vector,
+    power: Reals,
     *,
     reach: float = 1.2,
     min_lines: int = 8,
-) -> tuple[tuple[float, float, float, float], Vector]:
+) -> tuple[tuple[float, float, float, float], Reals]:
     """Return frequency, damping and their standard deviations of a mode, and its response over the force, m/N.
 
     `reach`, `min_lines`: half bandwidths to either side of the largest response, over which frequency grows evenly
@@ -364,15 +361,13 @@ def _resonance(
     return (values[0] * ratio, damping, values[2] * ratio, values[3]), np.abs(constant) * peak
 
 
-def _around(frequency: Vector, pole: complex) -> NDArray[np.bool_]:
+def _around(frequency: Reals, pole: complex) -> Booleans:
     """Tell the lines within two bandwidths of a pole, and the nearest line."""
     off = np.abs(frequency - abs(pole) / (2.0 * np.pi))
     return off <= max(4.0 * -pole.real / (2.0 * np.pi), float(off.min()))
 
 
-def _over_amplitude(
-    omega: Vector, h: NDArray[np.complex128], noise: Vector
-) -> tuple[tuple[float, float, float, float], float]:
+def _over_amplitude(omega: Reals, h: Complexes, noise: Reals) -> tuple[tuple[float, float, float, float], float]:
     """Return frequency, Hz, damping, their standard deviations and abs(h), s2, where the amplitude is largest."""
     inverse, size = 1.0 / h, np.abs(h)
     weight = size**2 / noise
@@ -390,7 +385,7 @@ def _over_amplitude(
     return (float(w / (2.0 * np.pi)), lost / 2.0, float(std[0] / (2.0 * np.pi)), float(std[1] / 2.0)), peak
 
 
-def _weighted(columns: Vector, value: Vector, weight: Vector) -> tuple[Vector, Vector]:
+def _weighted(columns: Reals, value: Reals, weight: Reals) -> tuple[Reals, Reals]:
     """Return the least-squares solution and its covariance, with the scatter that the rows show."""
     scale = np.linalg.norm(columns * weight[:, None], axis=0)
     q, triangle = np.linalg.qr(columns * weight[:, None] / scale)
@@ -401,7 +396,7 @@ def _weighted(columns: Vector, value: Vector, weight: Vector) -> tuple[Vector, V
     return solution / scale, inverse @ inverse.T * float(left @ left) / freedom
 
 
-def _vertex(omega: Vector, size: Vector) -> float:
+def _vertex(omega: Reals, size: Reals) -> float:
     """Return the largest value of a curve, of the parabola through its five highest lines."""
     top = int(np.clip(np.argmax(size), 2, size.size - 3))
     x = omega[top - 2 : top + 3] - omega[top]
@@ -427,19 +422,19 @@ class RingDown:
         Damping ratio likewise.
     """
 
-    amplitude: Vector
-    frequency: Vector
-    frequency_std: Vector
-    damping: Vector
-    damping_std: Vector
+    amplitude: Reals
+    frequency: Reals
+    frequency_std: Reals
+    damping: Reals
+    damping_std: Reals
 
 
 def ring_down(
-    response: Vector,
+    response: Reals,
     rate: float,
     *,
-    shape: Vector,
-    frequency: Vector,
+    shape: Reals,
+    frequency: Reals,
     mode: int,
     quantity: Quantity,
     overlap: float = 0.5,
@@ -503,7 +498,7 @@ def ring_down(
     )
 
 
-def _require_fitting(record: Vector, shape: Vector, n_frequency: int) -> None:
+def _require_fitting(record: Reals, shape: Reals, n_frequency: int) -> None:
     if record.shape[0] != shape.shape[0] or shape.shape[1] != n_frequency:
         raise MeasurementError(
             f"ring-down: {record.shape[0]} channels, shapes of {shape.shape[0]} channels and {shape.shape[1]} modes, "
@@ -512,8 +507,8 @@ def _require_fitting(record: Vector, shape: Vector, n_frequency: int) -> None:
 
 
 def _analytic(
-    signal: Vector, rate: float, frequency: Vector, mode: int, *, width: float = 0.15, gap: float = 0.45
-) -> NDArray[np.complex128]:
+    signal: Reals, rate: float, frequency: Reals, mode: int, *, width: float = 0.15, gap: float = 0.45
+) -> Complexes:
     """Return the analytic signal of a band around a mode, whose flanks are half a cosine.
 
     `width`: half width of the band over the mode's frequency, less where modes are near.
@@ -529,7 +524,7 @@ def _analytic(
     return np.asarray(np.fft.ifft(np.fft.fft(signal, padded) * band)[: signal.size])
 
 
-def _exponential(signal: NDArray[np.complex128], rate: float) -> tuple[float, float, float, float]:
+def _exponential(signal: Complexes, rate: float) -> tuple[float, float, float, float]:
     """Return amplitude in the middle, decay rate, angular frequency and the standard deviation of both, 1/s."""
     time = (np.arange(signal.size) - 0.5 * (signal.size - 1)) / rate
     value = np.log(np.abs(signal)) + 1j * np.unwrap(np.angle(signal))

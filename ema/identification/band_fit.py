@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 import scipy.linalg
-from numpy.typing import NDArray
 
 from ema.identification.evidence import (
     LEAST_SHARE,
@@ -49,6 +48,7 @@ from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes, settled
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 
 AS_HIGH, SEVERAL = 0.8, 3
 """Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""
@@ -61,7 +61,7 @@ def is_common(
     left: float = 0.3,
     surroundings: tuple[float, int] = (40.0, 400),
     flanks: tuple[float, int] = (4.0, 3),
-) -> NDArray[np.bool_]:
+) -> Booleans:
     """Whether what is left around each pole, ``(n_mode,)``, has several peaks that are as high as the pole itself.
 
     The measure of both is the generalised likelihood ratio of a line as wide as the pole's, its residues free. A pole
@@ -110,10 +110,10 @@ def is_common(
 class _Sums:
     """What all functions together hold on the lines around a pole, `(n_line,)` each."""
 
-    left: NDArray[np.float64]  # power that the fit leaves
-    modes: NDArray[np.float64]  # power that it explains
-    noise: NDArray[np.float64]  # likelihood of a line as wide as the pole's in what is left
-    whole: NDArray[np.float64]  # the same with the pole itself
+    left: Reals  # power that the fit leaves
+    modes: Reals  # power that it explains
+    noise: Reals  # likelihood of a line as wide as the pole's in what is left
+    whole: Reals  # the same with the pole itself
 
 
 def _around_pole(data: Functions, fit: Fit, r: int, lines: slice, width: float, *, at_once: int = 1 << 19) -> _Sums:
@@ -137,15 +137,13 @@ def _around_pole(data: Functions, fit: Fit, r: int, lines: slice, width: float, 
     return sums
 
 
-def _power(scaled: NDArray[np.complex128], half: float) -> NDArray[np.float64]:
+def _power(scaled: Complexes, half: float) -> Reals:
     """Power of all functions about every line, the mean over as many as a half bandwidth (lines) on each side."""
-    power: NDArray[np.float64] = scipy.ndimage.uniform_filter1d(
-        np.sum(np.abs(scaled) ** 2, axis=0), 2 * round(half) + 3
-    )
+    power: Reals = scipy.ndimage.uniform_filter1d(np.sum(np.abs(scaled) ** 2, axis=0), 2 * round(half) + 3)
     return power
 
 
-def _line_statistic(scaled: NDArray[np.complex128], half: float, *, narrowest: float = 0.25) -> NDArray[np.float64]:
+def _line_statistic(scaled: Complexes, half: float, *, narrowest: float = 0.25) -> Reals:
     """Twice the gain of likelihood by a resonance line of a half bandwidth (lines) at every line, ``(n_line,)``.
 
     `narrowest`: half bandwidth of a matched line, lines.
@@ -162,7 +160,7 @@ def _line_statistic(scaled: NDArray[np.complex128], half: float, *, narrowest: f
     return np.asarray(2.0 * total / energy)
 
 
-def _number_of_peaks(statistic: NDArray[np.float64], least: float, apart: int) -> int:
+def _number_of_peaks(statistic: Reals, least: float, apart: int) -> int:
     """Count places at which a statistic exceeds a value, no two nearer than so many lines; `SEVERAL` are enough."""
     rest = statistic.copy()
     for number in range(SEVERAL):
@@ -176,14 +174,14 @@ def _number_of_peaks(statistic: NDArray[np.float64], least: float, apart: int) -
 OVERLAPPED = "modes overlap there so much that they cannot be told apart"
 
 
-def modal_overlap(pole: NDArray[np.complex128]) -> float:
+def modal_overlap(pole: Complexes) -> float:
     """Return the modal overlap factor: the median half-power bandwidth over the mean spacing of the poles."""
     return float(-2.0 * np.median(pole.real) * pole.size / np.ptp(pole.imag)) if pole.size > 1 else 0.0
 
 
 def with_background(
-    data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float], *, undamped: float = 1e-6
-) -> tuple[Fit, NDArray[np.bool_]]:
+    data: Functions, candidates: Complexes, band: tuple[float, float], *, undamped: float = 1e-6
+) -> tuple[Fit, Booleans]:
     """Refine candidates together, and tell which are modes.
 
     Parameters
@@ -217,7 +215,7 @@ def with_background(
     return fit, is_mode & ~_doubles(fit, is_mode)
 
 
-def _doubles(fit: Fit, is_mode: NDArray[np.bool_], *, same_place: float = 0.1) -> NDArray[np.bool_]:
+def _doubles(fit: Fit, is_mode: Booleans, *, same_place: float = 0.1) -> Booleans:
     """Tell which modes are no more than a second pole of a stronger one: of its shape, or at its very place.
 
     `same_place`: half bandwidths within which two poles are at one place: runs that differ a little bring such.
@@ -258,14 +256,14 @@ class BandFit:
         Poles, the last of the fit, that are no modes though they lie in the band (`ema.identification.overlap`).
     """
 
-    value: NDArray[np.complex128]
+    value: Complexes
     fit: Fit
     runs: RunPoles
     left: Left
     n_background: int = 0
 
 
-def fit_band(frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]) -> BandFit:
+def fit_band(frf: FRF, order: int, chosen: Complexes | None, band: tuple[float, float]) -> BandFit:
     """Find and fit the modes of a band, or fit poles that were chosen by hand.
 
     Parameters
@@ -285,7 +283,7 @@ def fit_band(frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: 
         return whole if chosen is not None else _amid_overlap(frf, order, whole, band)
     ends = [band[0], *(float(frf.frequency[part.core.start]) for part in parts[1:]), band[1]]
     fits: list[BandFit] = []
-    weights: list[NDArray[np.float64]] = []
+    weights: list[Reals] = []
     for part, lower, upper in zip(parts, ends[:-1], ends[1:], strict=True):
         lines = frf.frequency[part.lines]
         chosen_there = None if chosen is None else chosen[_between(chosen, lower, upper)]
@@ -298,7 +296,7 @@ def fit_band(frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: 
     return _joined(frf, parts, ends, fits, weights)
 
 
-def _fit_at_once(frf: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float]) -> BandFit:
+def _fit_at_once(frf: FRF, order: int, chosen: Complexes | None, band: tuple[float, float]) -> BandFit:
     data = _functions(frf)
     if chosen is not None:
         fit, runs, left = fit_chosen(data, chosen, band)
@@ -399,7 +397,7 @@ def _without_common(frf: FRF, given: BandFit) -> BandFit:
     return result
 
 
-def _is_common_anyhow(data: Functions, fit: Fit) -> NDArray[np.bool_]:
+def _is_common_anyhow(data: Functions, fit: Fit) -> Booleans:
     """Tell which poles are common however lines weigh: with all alike, too."""
     common = is_common(data, fit)
     return common & is_common(data, data.linear_fit(fit.pole)) if common.any() else common
@@ -424,13 +422,13 @@ def _weighed(data: Functions, given: BandFit) -> BandFit:
     return replace(given, fit=fit, runs=run_poles(data, fit))
 
 
-def _between(pole: NDArray[np.complex128], lower: float, upper: float) -> NDArray[np.bool_]:
+def _between(pole: Complexes, lower: float, upper: float) -> Booleans:
     hertz = np.abs(pole) / (2.0 * np.pi)
     return (hertz >= lower) & (hertz < upper)
 
 
 def _joined(
-    frf: FRF, parts: tuple[PartBand, ...], ends: list[float], fits: list[BandFit], weights: list[NDArray[np.float64]]
+    frf: FRF, parts: tuple[PartBand, ...], ends: list[float], fits: list[BandFit], weights: list[Reals]
 ) -> BandFit:
     """Put the modes of the parts together: poles and their scatter as each part gives them, residues of all at once.
 
@@ -458,7 +456,7 @@ def _joined(
     pole, covariance = _beside_others(data, fit, parts, owner)
     fit = linear_fit(data.frequency, data.value, pole[rank], data.quantity, weight, with_residual=False)
 
-    def of_runs(name: str) -> NDArray[np.float64]:
+    def of_runs(name: str) -> Reals:
         columns = [getattr(one.runs, name)[..., r] for one, r in zip(fits, kept, strict=True)]
         return np.concatenate(columns, axis=-1)[..., rank]
 
@@ -487,9 +485,7 @@ def _without_lines(fit: Fit) -> Fit:
     return replace(fit, residual=none.astype(complex), weight=none)
 
 
-def _beside_others(
-    data: Functions, fit: Fit, parts: tuple[PartBand, ...], owner: NDArray[np.int64]
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+def _beside_others(data: Functions, fit: Fit, parts: tuple[PartBand, ...], owner: Integers) -> tuple[Complexes, Reals]:
     """Refine the poles of each part once more, on its lines less what the modes of the other parts answer there.
 
     In the fit of one part alone its residual terms stand for those modes, which moves poles by a standard deviation.
@@ -504,8 +500,8 @@ def _beside_others(
 
 
 def _refined(
-    data: Functions, fit: Fit, part: PartBand, members: NDArray[np.bool_], *, strays: float = 0.5
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    data: Functions, fit: Fit, part: PartBand, members: Booleans, *, strays: float = 0.5
+) -> tuple[Complexes, Reals]:
     """Return the poles of one part, which are its `members` of all, and their covariance.
 
     `strays`: half bandwidths that a pole of one part may move when the modes of the others are taken out; no part
@@ -533,7 +529,7 @@ def _functions(frf: FRF) -> Functions:
     )
 
 
-def _weight(frf: FRF) -> NDArray[np.float64]:
+def _weight(frf: FRF) -> Reals:
     """Weights ``(n_function, n_frequency)`` of the lines; ones where no coherence was measured."""
     shape = (-1, frf.frequency.size)
     if frf.coherence is None:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from ema.identification.evidence import MIN_COLLINEARITY, MIN_REALNESS, is_split, judge
 from ema.identification.functions import MAX_DAMPING, Functions, resonant
@@ -24,7 +23,7 @@ from ema.quality.verdict import Verdict, listing
 from ema.types.arrays import single_threaded
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.modal_model import ModalModel, frequency_text
-from lamella_shared import arrays
+from lamella_arrays import Booleans, Complexes, Reals, arrays
 
 BROAD = 5.0
 """Times the median of the other damping ratios from which on a mode that shows no peak may be no mode."""
@@ -130,7 +129,7 @@ def _phases(modal_model: ModalModel) -> Iterator[tuple[str, str]]:
         )
 
 
-def _of_constants(constant: NDArray[np.complex128], spread: NDArray[np.float64]) -> tuple[float, float, float]:
+def _of_constants(constant: Complexes, spread: Reals) -> tuple[float, float, float]:
     """Return collinearity and realness, 1 where noise may bring what is lacking, and the angle to the real axis."""
     power, noise = float(np.sum(np.abs(constant) ** 2)), 2.0 * float(np.sum(spread**2))
     if noise > NOISE * power:
@@ -229,9 +228,9 @@ class Stability:
         Whether the natural frequency is stable, the damping ratio with it, and the shape with both.
     """
 
-    frequency: NDArray[np.bool_]
-    damping: NDArray[np.bool_]
-    shape: NDArray[np.bool_]
+    frequency: Booleans
+    damping: Booleans
+    shape: Booleans
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,7 +263,7 @@ def stability(diagram: StabilizationDiagram, frf: FRF) -> Stability:
     step = max(1, frf.frequency.size // most_lines)
     lines, value = frf.frequency[::step], frf.value[:, 0, ::step]
     stable = np.zeros((3, diagram.pole.size), dtype=bool)
-    below: tuple[NDArray[np.complex128], NDArray[np.complex128]] | None = None
+    below: tuple[Complexes, Complexes] | None = None
     for order in np.unique(diagram.order):
         members = np.flatnonzero(diagram.order == order)
         pole = diagram.pole[members]
@@ -313,9 +312,7 @@ def dropped_columns(diagram: StabilizationDiagram, frf: FRF, modal_model: ModalM
     return tuple(dropped)
 
 
-def _shapes(
-    frequency: NDArray[np.float64], value: NDArray[np.complex128], pole: NDArray[np.complex128], frf: FRF
-) -> NDArray[np.complex128]:
+def _shapes(frequency: Reals, value: Complexes, pole: Complexes, frf: FRF) -> Complexes:
     """Return residues (n_output, n_pole) of functions (n_output, n_frequency) at given poles."""
     basis = np.concatenate([mode_basis(frequency, pole, frf.quantity), residual_basis(frequency, frf.quantity)], axis=1)
     basis /= (scale := np.linalg.norm(basis, axis=0))
@@ -324,15 +321,15 @@ def _shapes(
 
 
 def _shared(
-    pole: NDArray[np.complex128],
-    shape: NDArray[np.complex128],
-    other: NDArray[np.complex128],
-    other_shape: NDArray[np.complex128],
+    pole: Complexes,
+    shape: Complexes,
+    other: Complexes,
+    other_shape: Complexes,
     *,
     stable_frequency: float = 0.01,
     stable_damping: float = 0.05,
     stable_mac: float = 0.98,
-) -> NDArray[np.bool_]:
+) -> Booleans:
     """Tell what each pole shares with the nearest other one: frequency, damping too, shape too, (3, n_pole).
 
     `stable_frequency`, `stable_damping`, `stable_mac`: largest relative changes from one order to the next, and the
@@ -349,7 +346,7 @@ def _shared(
     return np.stack([frequency, damped, damped & (product >= stable_mac * size)])
 
 
-def _reason(data: Functions, poles: NDArray[np.complex128], candidate: complex) -> str:
+def _reason(data: Functions, poles: Complexes, candidate: complex) -> str:
     """Say what speaks against a pole beside those that were taken."""
     fit = data.linear_fit(np.append(poles, candidate))
     verdicts = judge(data.frequency, fit, data.quantity)

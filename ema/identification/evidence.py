@@ -17,13 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ema.identification.functions import MAX_DAMPING, Functions, inside
 from ema.identification.maximum_likelihood import Fit
 from ema.quality.peaks import peaks_of_any_width, peaks_over_noise
 from ema.types.arrays import BLOCK
 from ema.types.frf import DERIVATIVE, Quantity
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 
 FALSE_ALARM = 1e-4
 """Chance that noise alone brings forth a significant pole anywhere in the band."""
@@ -63,20 +63,20 @@ class Verdicts:
         Phase collinearity of the modal constants and their share along the real axis, corrected for noise.
     """
 
-    statistic: NDArray[np.float64]
+    statistic: Reals
     threshold: float
-    dominance: NDArray[np.float64]
-    collinearity: NDArray[np.float64]
-    realness: NDArray[np.float64]
+    dominance: Reals
+    collinearity: Reals
+    realness: Reals
 
     @property
-    def accepted(self) -> NDArray[np.bool_]:
+    def accepted(self) -> Booleans:
         """Which poles are modes, ``(n_mode,)``."""
         modal = (self.collinearity >= MIN_COLLINEARITY) & (self.realness >= MIN_REALNESS)
         return (self.statistic > self.threshold) & ((self.dominance >= DOMINANT) | modal)
 
     @property
-    def score(self) -> NDArray[np.float64]:
+    def score(self) -> Reals:
         """How much each pole looks like a mode, for taking the least likely one away first."""
         strength = np.minimum(1.0, self.statistic / self.threshold)
         return np.minimum(self.dominance, 1.0) * self.collinearity * strength
@@ -90,7 +90,7 @@ def significance_threshold(n_function: int, n_frequency: int, false_alarm: float
     return float(scipy.special.chdtri(2 * n_function + 2, false_alarm / n_frequency))
 
 
-def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdicts:
+def judge(frequency: Reals, fit: Fit, quantity: Quantity) -> Verdicts:
     """Measure every pole of a fit over its lines, Hz, to functions of a quantity."""
     covariance = fit.covariance_of_each()
     n_function, n_mode = fit.residue.shape
@@ -136,7 +136,7 @@ def judge(frequency: NDArray[np.float64], fit: Fit, quantity: Quantity) -> Verdi
     )
 
 
-def variance_inflation(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.float64]:
+def variance_inflation(frequency: Reals, fit: Fit) -> Reals:
     """Return the factor by which a misfit around each mode enlarges the variances, ``(n_mode,)``, 1 in white noise.
 
     The covariance of a fit holds for residuals without correlation from line to line. Around a mode that the
@@ -147,7 +147,7 @@ def variance_inflation(frequency: NDArray[np.float64], fit: Fit) -> NDArray[np.f
     return np.array([inflation(fit.whitened(_window(frequency, pole))) for pole in fit.pole])
 
 
-def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
+def _window(frequency: Reals, pole: complex) -> slice:
     """Lines within four half bandwidths of a pole, or eight lines where that is more."""
     spacing = frequency[1] - frequency[0]
     centre = (pole.imag / (2.0 * np.pi) - frequency[0]) / spacing
@@ -157,7 +157,7 @@ def _window(frequency: NDArray[np.float64], pole: complex) -> slice:
     return slice(start, int(np.clip(centre + reach + 1, start + fewest, frequency.size)))
 
 
-def inflation(residual: NDArray[np.complex128], *, at_once: int = 1 << 18) -> float:
+def inflation(residual: Complexes, *, at_once: int = 1 << 18) -> float:
     """Spectral density of unit-variance residuals ``(n_function, n_line)`` if it is significantly above 1.
 
     `at_once`: values that are transformed at once; transforms take several times their memory.
@@ -192,7 +192,7 @@ def is_split(fit: Fit, mode: int, others: Sequence[int] | None = None, *, alike:
     return False
 
 
-def is_confined(fit: Fit, run: NDArray[np.int64], *, share: float = 0.8, distance: float = 0.02) -> NDArray[np.bool_]:
+def is_confined(fit: Fit, run: Integers, *, share: float = 0.8, distance: float = 0.02) -> Booleans:
     """Whether each pole, ``(n_mode,)``, is a neighbour's image in a single roving run whose poles are shifted.
 
     Such a pole lies near another one, within a relative distance, and has most of its residues, in units of the noise,
@@ -210,9 +210,7 @@ def is_confined(fit: Fit, run: NDArray[np.int64], *, share: float = 0.8, distanc
     return confined
 
 
-def is_sound(
-    fit: Fit, start: NDArray[np.complex128], band: tuple[float, float], *, max_move: float = 5.0
-) -> NDArray[np.bool_]:
+def is_sound(fit: Fit, start: Complexes, band: tuple[float, float], *, max_move: float = 5.0) -> Booleans:
     """Tell which refined poles are determined by the data and stayed within some half bandwidths of their start.
 
     One that moves further was no estimate of that mode.
@@ -224,9 +222,7 @@ def is_sound(
     return inside(fit.pole, band) & ~moved & determined
 
 
-def likeliest_poles(
-    frequency: NDArray[np.float64], fit: Fit, *, max_damping: float = 0.2, tries: int = 5
-) -> NDArray[np.complex128]:
+def likeliest_poles(frequency: Reals, fit: Fit, *, max_damping: float = 0.2, tries: int = 5) -> Complexes:
     """Find poles that would explain most of what a fit has left, best first; none where nothing stands out.
 
     Lorentzian lines of octave-spaced widths are correlated with the residuals of all functions at once, which
@@ -287,7 +283,7 @@ def likeliest_poles(
     return np.array([pole for _, pole in likeliest], dtype=complex)
 
 
-def _correlated(value: NDArray[np.complex128], lines: Sequence[NDArray[np.complex128]]) -> NDArray[np.float64]:
+def _correlated(value: Complexes, lines: Sequence[Complexes]) -> Reals:
     """Return the power of the correlation of functions with some lines, all functions, ``(n_line, n_frequency)``.
 
     Lines, ``(size,)`` each, are by their offset from the centre, wrapped; `size` is at least twice the number of
@@ -303,7 +299,7 @@ def _correlated(value: NDArray[np.complex128], lines: Sequence[NDArray[np.comple
     return power
 
 
-def _collinear(amplitude: NDArray[np.complex128]) -> float:
+def _collinear(amplitude: Complexes) -> float:
     """Phase collinearity of amplitudes in noise of unit variance, which blurs the smallest of them."""
     power = np.sum(np.abs(amplitude) ** 2)
     return float(np.abs(np.sum(amplitude**2)) ** 2 / power**2) if power > 0.0 else 0.0
@@ -334,7 +330,7 @@ class Peak:
     first: int
     last: int
     share: float
-    left: NDArray[np.float64]
+    left: Reals
     visible: bool
 
     @property
@@ -352,7 +348,7 @@ Left = tuple[tuple[Peak, str], ...]
 """Peaks that stay unexplained, each with the reason why."""
 
 
-def powers(data: Functions, fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def powers(data: Functions, fit: Fit) -> tuple[Reals, Reals, Reals]:
     """Power by line, (n_frequency,), of all functions and of what is left, each over its mean, and of all as they are.
 
     Functions are taken one by one, for they may be the larger part of the memory.
@@ -367,13 +363,13 @@ def powers(data: Functions, fit: Fit) -> tuple[NDArray[np.float64], NDArray[np.f
     return whole, left, plain
 
 
-def left_of_functions(data: Functions, fit: Fit, window: slice) -> NDArray[np.float64]:
+def left_of_functions(data: Functions, fit: Fit, window: slice) -> Reals:
     """Share of the power of each function, (n_function,), that a fit leaves on some lines."""
     rest, each = (np.sum(np.abs(value[:, window]) ** 2, axis=1) for value in (fit.residual, data.value))
     return np.asarray(rest / each)
 
 
-def left_at_poles(data: Functions, fit: Fit, *, fewest_lines: float = 1.5) -> NDArray[np.float64]:
+def left_at_poles(data: Functions, fit: Fit, *, fewest_lines: float = 1.5) -> Reals:
     """Share of the power that a fit leaves in the half bandwidths around each of its poles, ``(n_mode,)``."""
     each, rest, _ = powers(data, fit)
     spacing = float(data.frequency[1] - data.frequency[0])
@@ -446,7 +442,7 @@ class Surroundings(NamedTuple):
 
     lines: slice  # which ones
     target: Functions  # on these lines, less the response of the modes that are not near
-    near: NDArray[np.bool_]  # (n_mode,), which modes of the whole fit are
+    near: Booleans  # (n_mode,), which modes of the whole fit are
     without: Fit  # of the target with these alone
 
 
@@ -536,9 +532,7 @@ def objections(
         yield Refusal(EXPLAINS_LESS)
 
 
-def is_one_line(
-    pole: complex | NDArray[np.complex128], frequency: NDArray[np.float64], *, narrowest: float = 0.02
-) -> NDArray[np.bool_]:
+def is_one_line(pole: complex | Complexes, frequency: Reals, *, narrowest: float = 0.02) -> Booleans:
     """Tell which poles are so near one line (Hz) that it holds all their power: a line out of place is fitted so.
 
     A resonance as narrow that lies between two lines has flanks in both, and in those beside them. `narrowest`:
@@ -548,7 +542,7 @@ def is_one_line(
     return np.asarray(np.abs(place - np.round(place.real)) < narrowest)
 
 
-def _of_phases(residue: NDArray[np.complex128], pole: complex, collinearity: float) -> str:
+def _of_phases(residue: Complexes, pole: complex, collinearity: float) -> str:
     """Say what is wrong with the phases of residues: against each other, or all together against the force."""
     reason = "its residues have not the phases of a mode"
     if collinearity < IN_PHASE:

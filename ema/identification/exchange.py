@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.identification.shapes import shapes_from_residues
 from ema.io.files import whole
@@ -25,7 +24,8 @@ from ema.modal.read_modes import USUAL, completed, modal_model_of
 from ema.types.errors import IdentificationError, MeasurementError
 from ema.types.frf import FRF, Dof, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel, synthesize
-from lamella_shared import frozen, plain_bytes
+from lamella_arrays import Complexes, Reals, frozen
+from lamella_shared import plain_bytes
 
 
 def synthesized_frf(modal_model: ModalModel, step: float, quantity: Quantity) -> FRF:
@@ -113,14 +113,14 @@ HEADER = (
 )
 
 
-def write_poles(path: Path, pole: NDArray[np.complex128]) -> None:
+def write_poles(path: Path, pole: Complexes) -> None:
     """Write poles (rad/s) to a text file of natural frequencies and damping ratios."""
     lines = [f"{abs(p) / (2.0 * np.pi):.10g}  {-p.real / abs(p):.6g}\n" for p in pole]
     with whole(path, IdentificationError) as part:
         part.write_text(HEADER + "".join(lines), encoding="utf-8")
 
 
-def read_poles(path: Path) -> NDArray[np.complex128]:
+def read_poles(path: Path) -> Complexes:
     """Read poles (rad/s) from a text file of natural frequencies (Hz) and damping ratios, a pole a line.
 
     Raises
@@ -239,11 +239,7 @@ def to_sdypy(modal_model: ModalModel, model: Model) -> Model:
 
 
 def _with_shapes(
-    frequency: NDArray[np.float64],
-    damping: NDArray[np.float64],
-    residue: NDArray[np.complex128],
-    dofs: tuple[Dofs, Dof],
-    std: ModesStd,
+    frequency: Reals, damping: Reals, residue: Complexes, dofs: tuple[Dofs, Dof], std: ModesStd
 ) -> FoundModes:
     """Return modes with the shapes of their residues, (n_output, 1, n_mode)."""
     output, force = dofs
@@ -268,9 +264,7 @@ def _with_shapes(
     return replace(plain, shape=shapes.shape, scaled=shapes.scaled)
 
 
-def _identified(
-    model: Any, name: str, n_output: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.complex128]]:
+def _identified(model: Any, name: str, n_output: int) -> tuple[Reals, Reals, Complexes]:
     """Return frequencies, damping ratios and modal constants (n_output, n_mode); refuse what is not complete."""
     missing = [attribute for attribute in ("nat_freq", "nat_xi", "A") if getattr(model, attribute, None) is None]
     if missing:
@@ -292,7 +286,7 @@ def _identified(
     return frequency, damping, constant
 
 
-def _poles(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _poles(model: Any) -> tuple[Reals, Reals]:
     """Return frequencies, Hz, and damping ratios of the poles that the constants belong to.
 
     `nat_freq` and `nat_xi` are those of the row of the stabilisation table beside it, off by some millionths.
@@ -304,7 +298,7 @@ def _poles(model: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return np.abs(pole) / (2.0 * np.pi), -pole.real / np.abs(pole)
 
 
-def _residual(model: Any, name: str, n_output: int) -> NDArray[np.complex128]:
+def _residual(model: Any, name: str, n_output: int) -> Complexes:
     """Return a residual term of every function, (n_output, 1); zero where the model has none."""
     term = getattr(model, name, None)
     return np.zeros((n_output, 1), complex) if term is None else np.asarray(term, complex).reshape(n_output, 1)

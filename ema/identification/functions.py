@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ema.identification.maximum_likelihood import Fit, linear_fit
 from ema.identification.mode_columns import mode_basis
 from ema.types.frf import Quantity
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 
 MOST_LINES = 20_000
 """Lines up to which a band is taken at once."""
@@ -45,7 +46,7 @@ class PartBand:
         return values[..., self.core.start - self.lines.start : self.core.stop - self.lines.start]
 
 
-def part_bands(value: NDArray[np.complex128], *, part_lines: int = 8192, smooth: int = 9) -> tuple[PartBand, ...]:
+def part_bands(value: Complexes, *, part_lines: int = 8192, smooth: int = 9) -> tuple[PartBand, ...]:
     """Cut a band where its functions are quiet; one that has few lines stays whole.
 
     Parameters
@@ -76,9 +77,7 @@ def part_bands(value: NDArray[np.complex128], *, part_lines: int = 8192, smooth:
     )
 
 
-def coherence_weight(
-    value: NDArray[np.complex128], coherence: NDArray[np.float64], *, smoothing: int = 5, largest_ratio: float = 1e4
-) -> NDArray[np.float64]:
+def coherence_weight(value: Complexes, coherence: Reals, *, smoothing: int = 5, largest_ratio: float = 1e4) -> Reals:
     """Return inverse variances of functions, line by line, relative to one another.
 
     The variance of the magnitude of a function that is estimated from ``n`` averages is
@@ -114,7 +113,7 @@ def coherence_weight(
     return np.where(usable[:, None], weight, 1.0)
 
 
-def misfit_weight(fitted: NDArray[np.complex128], residual: NDArray[np.complex128]) -> NDArray[np.float64]:
+def misfit_weight(fitted: Complexes, residual: Complexes) -> Reals:
     """Return inverse variances of functions of which a fit leaves much where it is large, as in `coherence_weight`.
 
     What is left of a line is taken for complex normal of variance ``noise**2 + error**2 abs(H)**2``, with H as it was
@@ -136,13 +135,8 @@ def misfit_weight(fitted: NDArray[np.complex128], residual: NDArray[np.complex12
 
 
 def _inverse_variance(
-    power: NDArray[np.float64],
-    left: NDArray[np.float64],
-    *,
-    settled: float = 1e-9,
-    factor: float = 5.0,
-    rounds: int = 50,
-) -> NDArray[np.float64]:
+    power: Reals, left: Reals, *, settled: float = 1e-9, factor: float = 5.0, rounds: int = 50
+) -> Reals:
     """Return inverse variances of all functions, two unknowns each, (n_function, n_frequency).
 
     `settled`: relative change of both parts at which steps end.
@@ -189,13 +183,13 @@ class Functions:
         Inverse variances that the coherences lead to (`coherence_weight`); ones where there are none.
     """
 
-    frequency: NDArray[np.float64]
-    value: NDArray[np.complex128]
-    run: NDArray[np.int64]
+    frequency: Reals
+    value: Complexes
+    run: Integers
     quantity: Quantity
-    weight: NDArray[np.float64]
+    weight: Reals
 
-    def linear_fit(self, pole: NDArray[np.complex128], weight: NDArray[np.float64] | None = None) -> Fit:
+    def linear_fit(self, pole: Complexes, weight: Reals | None = None) -> Fit:
         """Fit residues and residual terms at fixed poles; all lines weigh the same where no weights are given."""
         return linear_fit(self.frequency, self.value, pole, self.quantity, weight)
 
@@ -214,13 +208,13 @@ class Functions:
         return replace(self, value=self.value[members], run=self.run[members], weight=self.weight[members])
 
 
-def inside(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+def inside(pole: Complexes, band: tuple[float, float]) -> Booleans:
     """Tell which poles the band (Hz) holds with at least one half bandwidth on each side."""
     hertz, half_bandwidth = np.abs(pole) / (2.0 * np.pi), -pole.real / (2.0 * np.pi)
     return (hertz - half_bandwidth >= band[0]) & (hertz + half_bandwidth <= band[1])
 
 
-def resonant(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+def resonant(pole: Complexes, band: tuple[float, float]) -> Booleans:
     """Tell which poles are results: inside the band (Hz), and damped no more than a resonance can be.
 
     A pole that refinement damps further stands for the background of the modes, as those beyond the band do.
@@ -228,7 +222,7 @@ def resonant(pole: NDArray[np.complex128], band: tuple[float, float]) -> NDArray
     return inside(pole, band) & (-pole.real <= MAX_DAMPING * np.abs(pole))
 
 
-def response(data: Functions, pole: NDArray[np.complex128], residue: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def response(data: Functions, pole: Complexes, residue: Complexes) -> Complexes:
     """Return what modes, (n_mode,) poles and (n_function, n_mode) residues, add to functions over their lines."""
     coefficient = np.stack([residue.real.T, residue.imag.T], axis=1).reshape(-1, residue.shape[0])
     parts = mode_basis(data.frequency, pole, data.quantity) @ coefficient

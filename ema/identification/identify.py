@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign
 from ema.campaign.measurement import Measurement, read_force_levels, read_measurement
@@ -36,6 +35,7 @@ from ema.types.arrays import single_threaded
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF, Dofs, Geometry, Quantity, driving_points
 from ema.types.modal_model import ModalModel, UnexplainedPeak
+from lamella_arrays import Complexes, Reals
 
 _LOG = logging.getLogger(__name__)
 
@@ -78,7 +78,7 @@ class Failure:
     error: EmaError
 
 
-def identify(campaign: Campaign, poles: Mapping[str, NDArray[np.complex128]] | None = None) -> Iterator[Identification]:
+def identify(campaign: Campaign, poles: Mapping[str, Complexes] | None = None) -> Iterator[Identification]:
     """Read, check and identify every configuration of a campaign, one after the other.
 
     One that cannot be used does not end the others: its error is raised after the last of them.
@@ -113,7 +113,7 @@ def identify(campaign: Campaign, poles: Mapping[str, NDArray[np.complex128]] | N
         raise type(failures[0].error)("\n".join(f"{failure.name}: {failure.error}" for failure in failures))
 
 
-def try_identify(campaign: Campaign, name: str, pole: NDArray[np.complex128] | None = None) -> Identification | Failure:
+def try_identify(campaign: Campaign, name: str, pole: Complexes | None = None) -> Identification | Failure:
     """Read, check and identify one configuration, or say why that is not possible.
 
     Parameters
@@ -130,7 +130,7 @@ def try_identify(campaign: Campaign, name: str, pole: NDArray[np.complex128] | N
         return Failure(name=name, error=error)
 
 
-def _identified(campaign: Campaign, name: str, pole: NDArray[np.complex128] | None) -> Identification:
+def _identified(campaign: Campaign, name: str, pole: Complexes | None) -> Identification:
     _LOG.info("%s", name)
     options = campaign.identification
     measurement = read_measurement(campaign, name)
@@ -170,7 +170,7 @@ def identify_frf(
     name: str,
     band: tuple[float, float] | None = None,
     order: int | None = None,
-    pole: NDArray[np.complex128] | None = None,
+    pole: Complexes | None = None,
     sensor_mass: float = 0.0,
 ) -> ModalModel:
     """Identify the modes of one configuration.
@@ -242,7 +242,7 @@ def _require_lines(
 
 
 def _require_modes(
-    fit: Fit, white: FRF, order: int, chosen: NDArray[np.complex128] | None, band: tuple[float, float], name: str
+    fit: Fit, white: FRF, order: int, chosen: Complexes | None, band: tuple[float, float], name: str
 ) -> None:
     """Refuse a band without any mode."""
     if resonant(fit.pole, band).any():
@@ -269,7 +269,7 @@ def _modes_of_conjugates(white: FRF, order: int, band: tuple[float, float]) -> b
     return bool(resonant(fit_band(turned, order, None, band).fit.pole, band).any())
 
 
-def _require_inside(pole: NDArray[np.complex128], band: tuple[float, float], name: str) -> None:
+def _require_inside(pole: Complexes, band: tuple[float, float], name: str) -> None:
     """Refuse poles chosen by hand that the band does not hold."""
     if not inside(pole, band).all():
         outside = np.abs(pole[~inside(pole, band)]) / (2.0 * np.pi)
@@ -342,9 +342,7 @@ def _check(frf: FRF, name: str) -> None:
             )
 
 
-def _as_measured(
-    fit: Fit, frf: FRF, quantity: Quantity, *, at_once: int = 1 << 19
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _as_measured(fit: Fit, frf: FRF, quantity: Quantity, *, at_once: int = 1 << 19) -> tuple[Reals, Reals, Reals]:
     """Return noise, correlation and relative error (n_output, n_input) of a fit of `frf` in the measured quantity.
 
     `at_once`: values of functions that are compared at once.
@@ -428,7 +426,7 @@ def _model(
     )
 
 
-def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> tuple[Complexes, Reals]:
     """Return residues of runs that disagree, each at its own poles, and their variance, (n_output, n_input, n_mode).
 
     Residues at a pole that a run does not have are too small. They are made those of the pole of all runs: a modal
@@ -439,7 +437,7 @@ def _joined(fit: Fit, runs: RunPoles, frf: FRF) -> tuple[NDArray[np.complex128],
     return np.asarray(runs.residue.reshape(shape) * ratio, dtype=complex), runs.variance.reshape(shape) * ratio**2
 
 
-def _without_window(pole: NDArray[np.complex128], decay_rate: float) -> NDArray[np.complex128]:
+def _without_window(pole: Complexes, decay_rate: float) -> Complexes:
     """Return poles without what an exponential window added to their decay rates (Fladung and Rost 1997).
 
     Raises

@@ -29,11 +29,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from ema.identification.mode_columns import mode_basis, mode_derivatives, residual_basis, split_coefficients
 from ema.types.frf import Quantity
+from lamella_arrays import Complexes, Reals
 
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
@@ -70,25 +70,23 @@ class Fit:
         Concentrated negative log-likelihood, up to a constant.
     """
 
-    pole: NDArray[np.complex128]
-    pole_covariance: NDArray[np.float64]
-    residue: NDArray[np.complex128]
-    lower: NDArray[np.complex128]
-    upper: NDArray[np.complex128]
-    noise: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    residual: NDArray[np.complex128]
-    linear_covariance: NDArray[np.float64]
-    sensitivity: NDArray[np.float64]
+    pole: Complexes
+    pole_covariance: Reals
+    residue: Complexes
+    lower: Complexes
+    upper: Complexes
+    noise: Reals
+    weight: Reals
+    residual: Complexes
+    linear_covariance: Reals
+    sensitivity: Reals
     objective: float
 
-    def whitened(self, lines: slice = slice(None)) -> NDArray[np.complex128]:
+    def whitened(self, lines: slice = slice(None)) -> Complexes:
         """Return residuals on some lines over their assumed standard deviations, ``(n_function, n_line)``."""
         return self.residual[:, lines] * np.sqrt(self.weight[:, lines]) / self.noise[:, None]
 
-    def left(
-        self, rows: slice, frequency: NDArray[np.float64], value: NDArray[np.complex128], quantity: Quantity
-    ) -> NDArray[np.complex128]:
+    def left(self, rows: slice, frequency: Reals, value: Complexes, quantity: Quantity) -> Complexes:
         """Return what the fit leaves of some of its functions, ``(n, n_frequency)``, made anew where it is not held.
 
         Parameters
@@ -113,12 +111,12 @@ class Fit:
         left.imag -= fitted[frequency.size :].T
         return left
 
-    def residue_covariance(self) -> NDArray[np.float64]:
+    def residue_covariance(self) -> Reals:
         """Covariance ``(n_function, 2 n_mode, 2 n_mode)`` of the residues' parts, poles' scatter included."""
         fixed = self.noise[:, None, None] ** 2 * self.linear_covariance
         return fixed + self.sensitivity @ self.pole_covariance @ self.sensitivity.swapaxes(1, 2)
 
-    def covariance_of_each(self) -> NDArray[np.float64]:
+    def covariance_of_each(self) -> Reals:
         """Covariance ``(n_function, n_mode, 2, 2)`` of both parts of each residue: blocks of `residue_covariance`."""
         n_function, n_row, n_pole = self.sensitivity.shape
         by_pole = (self.sensitivity.reshape(n_function * n_row, n_pole) @ self.pole_covariance).reshape(
@@ -136,20 +134,15 @@ class Fit:
 class _Target:
     """What is fitted, whatever the poles that move."""
 
-    frequency: NDArray[np.float64]
+    frequency: Reals
     quantity: Quantity
-    value: NDArray[np.complex128]  # (n_function, n_frequency)
-    weight: NDArray[np.float64]  # (n_function, n_frequency), or (1, 1) where all lines weigh the same
-    fixed: NDArray[np.float64]  # of held poles and residual terms, (2 n_held + 4, 2 n_frequency)
+    value: Complexes  # (n_function, n_frequency)
+    weight: Reals  # (n_function, n_frequency), or (1, 1) where all lines weigh the same
+    fixed: Reals  # of held poles and residual terms, (2 n_held + 4, 2 n_frequency)
 
     @classmethod
     def of(
-        cls,
-        frequency: NDArray[np.float64],
-        value: NDArray[np.complex128],
-        quantity: Quantity,
-        weight: NDArray[np.float64] | None,
-        held: NDArray[np.complex128] = _NONE,
+        cls, frequency: Reals, value: Complexes, quantity: Quantity, weight: Reals | None, held: Complexes = _NONE
     ) -> _Target:
         """Lay out what is fitted; see `refine`."""
         even = weight is None or all(np.all(row == 1.0) for row in weight)
@@ -174,21 +167,21 @@ class _Target:
         return [slice(first, first + few) for first in range(0, len(self.value), few)]
 
     @cached_property
-    def _whole(self) -> NDArray[np.float64]:
+    def _whole(self) -> Reals:
         return self._laid_out(slice(None))
 
-    def rows(self, block: slice) -> NDArray[np.float64]:
+    def rows(self, block: slice) -> Reals:
         """Real beside imaginary parts of some functions, ``(n, 2 n_frequency)``."""
         return self._whole if len(self.blocks) == 1 else self._laid_out(block)
 
-    def _laid_out(self, block: slice) -> NDArray[np.float64]:
+    def _laid_out(self, block: slice) -> Reals:
         return np.concatenate([self.value[block].real, self.value[block].imag], axis=1)
 
-    def weights(self, block: slice) -> NDArray[np.float64]:
+    def weights(self, block: slice) -> Reals:
         """Their weights, ``(n, 2 n_frequency)``."""
         return np.tile(self.weight[block], 2)
 
-    def modes(self, pole: NDArray[np.complex128]) -> NDArray[np.float64]:
+    def modes(self, pole: Complexes) -> Reals:
         """Modes, ``(2 n_mode, 2 n_frequency)``; see `mode_basis`."""
         return mode_basis(self.frequency, pole, self.quantity).T
 
@@ -197,23 +190,23 @@ class _Target:
 class _Basis:
     """An orthonormal basis, as what makes it of other rows: products with these are small beside making it."""
 
-    rows: NDArray[np.float64]  # (2 n_mode + 4, 2 n_frequency)
-    turn: NDArray[np.float64]  # of them into orthonormal ones, (2 n_mode + 4, 2 n_mode + 4), lower triangle
-    onto: NDArray[np.float64]  # the same for the modes and residual terms themselves
+    rows: Reals  # (2 n_mode + 4, 2 n_frequency)
+    turn: Reals  # of them into orthonormal ones, (2 n_mode + 4, 2 n_mode + 4), lower triangle
+    onto: Reals  # the same for the modes and residual terms themselves
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Projection:
     """Linear fit at fixed poles and what Gauss-Newton on the poles needs of it."""
 
-    pole: NDArray[np.complex128]  # those that move, (n_mode,)
-    coefficient: NDArray[np.float64]  # (2 n_mode + 4, n_function)
-    modes: NDArray[np.float64]  # the rows of the basis that are of the modes, (2 n_mode, 2 n_frequency)
+    pole: Complexes  # those that move, (n_mode,)
+    coefficient: Reals  # (2 n_mode + 4, n_function)
+    modes: Reals  # the rows of the basis that are of the modes, (2 n_mode, 2 n_frequency)
     basis: _Basis
-    inverse: NDArray[np.float64]  # of the weighted normal equations in it, one or (n_function, ...)
-    part: NDArray[np.float64]  # coefficients in the orthonormal basis, (2 n_mode + 4, n_function)
-    remainder: NDArray[np.float64]  # (n_function, 2 n_frequency); none where functions are taken in blocks
-    variance: NDArray[np.float64]  # (n_function,), complex noise variance
+    inverse: Reals  # of the weighted normal equations in it, one or (n_function, ...)
+    part: Reals  # coefficients in the orthonormal basis, (2 n_mode + 4, n_function)
+    remainder: Reals  # (n_function, 2 n_frequency); none where functions are taken in blocks
+    variance: Reals  # (n_function,), complex noise variance
     objective: float
 
 
@@ -221,20 +214,20 @@ class _Projection:
 class _Equations:
     """Normal equations of the poles at a projection."""
 
-    information: NDArray[np.float64]  # Fisher information of Re and Im of the poles, (2 n_mode, 2 n_mode)
-    pull: NDArray[np.float64]  # of each function on them, (n_function, 2 n_mode)
-    residue: NDArray[np.complex128]  # what moving poles multiplies their derivatives by, (n_function, n_mode)
-    along: NDArray[np.float64]  # derivatives in the basis, (1 or n_function, 2 n_mode + 4, 2 n_mode)
+    information: Reals  # Fisher information of Re and Im of the poles, (2 n_mode, 2 n_mode)
+    pull: Reals  # of each function on them, (n_function, 2 n_mode)
+    residue: Complexes  # what moving poles multiplies their derivatives by, (n_function, n_mode)
+    along: Reals  # derivatives in the basis, (1 or n_function, 2 n_mode + 4, 2 n_mode)
 
 
 def refine(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    pole: NDArray[np.complex128],
+    frequency: Reals,
+    value: Complexes,
+    pole: Complexes,
     quantity: Quantity,
-    weight: NDArray[np.float64] | None = None,
+    weight: Reals | None = None,
     *,
-    held: NDArray[np.complex128] = _NONE,
+    held: Complexes = _NONE,
     tolerance: float = TOLERANCE,
     max_step: int = 60,
 ) -> Fit:
@@ -278,11 +271,11 @@ def refine(
 
 
 def linear_fit(
-    frequency: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    pole: NDArray[np.complex128],
+    frequency: Reals,
+    value: Complexes,
+    pole: Complexes,
     quantity: Quantity,
-    weight: NDArray[np.float64] | None = None,
+    weight: Reals | None = None,
     *,
     with_residual: bool = True,
 ) -> Fit:
@@ -319,14 +312,14 @@ def _likelier(
     return None
 
 
-def _moved(pole: NDArray[np.complex128], step: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _moved(pole: Complexes, step: Reals) -> Complexes:
     """Move poles by steps of Re and Im; they stay stable and in the upper half-plane."""
     trial = pole + step[0::2] + 1j * step[1::2]
     # A step across an axis goes nine tenths of the way to it, pole by pole, so that none stalls the rest.
     return np.minimum(trial.real, 0.1 * pole.real) + 1j * np.maximum(trial.imag, 0.1 * pole.imag)
 
 
-def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
+def _project(target: _Target, pole: Complexes) -> _Projection:
     """Fit what is linear at fixed poles."""
     modes = target.modes(pole)
     basis = _orthonormal(np.concatenate([modes, target.fixed]))
@@ -364,20 +357,20 @@ def _project(target: _Target, pole: NDArray[np.complex128]) -> _Projection:
     )
 
 
-def _remainder(basis: _Basis, part: NDArray[np.float64], value: NDArray[np.float64]) -> NDArray[np.float64]:
+def _remainder(basis: _Basis, part: Reals, value: Reals) -> Reals:
     """Return functions less their parts in a basis, (n, 2 n_frequency)."""
     left = (basis.turn.T @ part).T @ basis.rows
     return np.subtract(value, left, out=left)
 
 
-def _left(target: _Target, state: _Projection, block: slice) -> NDArray[np.float64]:
+def _left(target: _Target, state: _Projection, block: slice) -> Reals:
     """Return what a fit leaves of some functions, (n, 2 n_frequency)."""
     if state.remainder.size:
         return state.remainder[block]
     return _remainder(state.basis, state.part[:, block], target.rows(block))
 
 
-def _orthonormal(basis: NDArray[np.float64], *, nearly: float = 10.0) -> _Basis:
+def _orthonormal(basis: Reals, *, nearly: float = 10.0) -> _Basis:
     """Return what makes orthonormal rows of a basis of a few long rows, and the lower triangle that does.
 
     One round of Cholesky makes them orthogonal to rounding where the basis nearly is. That need not be done then: the
@@ -406,16 +399,16 @@ def _orthonormal(basis: NDArray[np.float64], *, nearly: float = 10.0) -> _Basis:
     return _Basis(rows=second @ orthogonal, turn=np.eye(len(basis)), onto=second @ onto)
 
 
-def _by_householder(basis: NDArray[np.float64], length: NDArray[np.float64]) -> _Basis:
+def _by_householder(basis: Reals, length: Reals) -> _Basis:
     orthogonal, triangle = np.linalg.qr((basis / length[:, None]).T)
     return _Basis(rows=np.ascontiguousarray(orthogonal.T), turn=np.eye(len(basis)), onto=_inverse(triangle.T) / length)
 
 
-def _gram(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _gram(rows: Reals) -> Reals:
     return np.asarray(rows @ rows.T)
 
 
-def _inverse(lower: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(lower: Reals) -> Reals:
     """Return the inverse of a lower triangle."""
     if not lower.size:
         return lower
@@ -452,7 +445,7 @@ def _normal_equations(target: _Target, state: _Projection) -> _Equations:
     return _Equations(information=information, pull=pull, residue=residue, along=along)
 
 
-def _turned(matrix: NDArray[np.float64], residue: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _turned(matrix: Reals, residue: Complexes) -> Reals:
     """Return matrices (1 or n_function, n, 2 n_mode) with each pair of columns turned by a residue, of each function.
 
     Moving Re(pole) multiplies the derivative columns by A, moving Im(pole) by i A.
@@ -465,12 +458,12 @@ def _turned(matrix: NDArray[np.float64], residue: NDArray[np.complex128]) -> NDA
     return turned
 
 
-def _turned_sum(matrix: NDArray[np.float64], residue: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _turned_sum(matrix: Reals, residue: Complexes) -> Reals:
     """Return the sum over functions of matrices, (n_function, 2 n_mode, n), with pairs of rows turned likewise."""
     total = np.empty(matrix.shape[1:])
     first, second = matrix[:, 0::2], matrix[:, 1::2]
 
-    def times(part: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def times(part: Reals, rows: Reals) -> Reals:
         return np.asarray(np.einsum("or,orf->rf", part, rows))
 
     total[0::2] = times(residue.real, first) + times(residue.imag, second)
@@ -478,9 +471,7 @@ def _turned_sum(matrix: NDArray[np.float64], residue: NDArray[np.complex128]) ->
     return total
 
 
-def _turned_alike(
-    gram: NDArray[np.float64], residue: NDArray[np.complex128], weight: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _turned_alike(gram: Reals, residue: Complexes, weight: Reals) -> Reals:
     """Return the weighted sum over functions of a symmetric matrix, the same of all, turned from both sides."""
     real, imaginary = residue.real, residue.imag
     rr, ri, ii = (x.T @ (weight[:, None] * y) for x, y in ((real, real), (real, imaginary), (imaginary, imaginary)))
@@ -493,7 +484,7 @@ def _turned_alike(
     return total
 
 
-def _positive(matrix: NDArray[np.float64]) -> bool:
+def _positive(matrix: Reals) -> bool:
     return not matrix.size or lapack.dpotrf(matrix, lower=1)[1] == 0
 
 

@@ -10,17 +10,15 @@ in real arithmetic: complex divisions take several times as long.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.types.frf import DERIVATIVE, Quantity
+from lamella_arrays import Complexes, Reals
 
 _BLOCK = 8192  # values that are worked on at once: more, and the system makes room for arrays again and again
-_Parts = tuple[NDArray[np.float64], NDArray[np.float64]]
+_Parts = tuple[Reals, Reals]
 
 
-def mode_basis(
-    frequency: NDArray[np.float64], pole: NDArray[np.complex128], quantity: Quantity, power: int = 1
-) -> NDArray[np.float64]:
+def mode_basis(frequency: Reals, pole: Complexes, quantity: Quantity, power: int = 1) -> Reals:
     """Columns that the real and imaginary parts of the residues multiply.
 
     Parameters
@@ -49,9 +47,7 @@ def mode_basis(
     return basis.reshape(2 * pole.size, 2 * n).T
 
 
-def mode_derivatives(
-    frequency: NDArray[np.float64], rows: NDArray[np.float64], quantity: Quantity
-) -> NDArray[np.float64]:
+def mode_derivatives(frequency: Reals, rows: Reals, quantity: Quantity) -> Reals:
     """Return the derivatives of modes with respect to their poles, `mode_basis` with a power of 2, from its columns.
 
     Parameters
@@ -80,7 +76,7 @@ def mode_derivatives(
     return derivatives.reshape(rows.shape)
 
 
-def _once(omega: NDArray[np.float64], square: _Parts, quantity: Quantity) -> _Parts:
+def _once(omega: Reals, square: _Parts, quantity: Quantity) -> _Parts:
     """Return products of two functions of a quantity divided by ``s**p``, so that they are of the quantity again."""
     real, imaginary = square
     if quantity == "mobility":
@@ -88,7 +84,7 @@ def _once(omega: NDArray[np.float64], square: _Parts, quantity: Quantity) -> _Pa
     return (-real / omega**2, -imaginary / omega**2) if quantity == "accelerance" else square
 
 
-def _columns(omega: NDArray[np.float64], pole: NDArray[np.complex128], power: int) -> tuple[_Parts, _Parts]:
+def _columns(omega: Reals, pole: Complexes, power: int) -> tuple[_Parts, _Parts]:
     """Real and imaginary parts ``(n_mode, n_frequency)`` of what Re A and Im A multiply in a receptance.
 
     They are 2 (s - decay) / D and -2 own / D with D = (s - pole) (s - conj(pole)), in real arithmetic: complex
@@ -105,7 +101,7 @@ def _columns(omega: NDArray[np.float64], pole: NDArray[np.complex128], power: in
     return (0.5 * (a * a - b * b - c * c + d * d), a * b - c * d), (a * c - b * d, a * d + b * c)
 
 
-def _derived(omega: NDArray[np.float64], receptance: _Parts, quantity: Quantity) -> _Parts:
+def _derived(omega: Reals, receptance: _Parts, quantity: Quantity) -> _Parts:
     real, imaginary = receptance
     if quantity == "mobility":
         return -omega * imaginary, omega * real
@@ -113,7 +109,7 @@ def _derived(omega: NDArray[np.float64], receptance: _Parts, quantity: Quantity)
     return (-square * real, -square * imaginary) if quantity == "accelerance" else receptance
 
 
-def residual_basis(frequency: NDArray[np.float64], quantity: Quantity) -> NDArray[np.float64]:
+def residual_basis(frequency: Reals, quantity: Quantity) -> Reals:
     """Columns of Re lower, Im lower, Re upper, Im upper, ``(2 n_frequency, 4)``, as in `mode_basis`."""
     s = 2j * np.pi * frequency
     exponent = DERIVATIVE[quantity]
@@ -121,18 +117,16 @@ def residual_basis(frequency: NDArray[np.float64], quantity: Quantity) -> NDArra
     return _stack(np.stack([lower, 1j * lower, upper, 1j * upper], axis=1))
 
 
-def stack_functions(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+def stack_functions(value: Complexes) -> Reals:
     """Stack functions ``(n_function, n_frequency)`` as columns, real parts over imaginary ones."""
     return _stack(value.T)
 
 
-def _stack(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _stack(value: Complexes) -> Reals:
     return np.concatenate([value.real, value.imag])
 
 
-def split_coefficients(
-    coefficient: NDArray[np.float64],
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+def split_coefficients(coefficient: Reals) -> tuple[Complexes, Complexes, Complexes]:
     """Read residues ``(n_function, n_mode)``, lower and upper ``(n_function,)`` from the solution."""
     complex_rows = coefficient[0::2] + 1j * coefficient[1::2]
     return complex_rows[:-2].T, complex_rows[-2], complex_rows[-1]

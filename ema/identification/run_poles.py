@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ema.identification.evidence import inflation, is_confined, variance_inflation
 from ema.identification.functions import Functions, response
@@ -25,6 +24,7 @@ from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.uncertainty import enlargement, run_noise
 from ema.modal.runs import run_scatter, std_with_scatter
 from ema.types.modal_model import RESOLVED
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 
 _LOG = logging.getLogger(__name__)
 RUNS_DIFFER = 0.05
@@ -56,14 +56,14 @@ class RunPoles:
         Whether the residues of the fit are those of runs at their own poles (`ema.identification.run_tracking`).
     """
 
-    run: NDArray[np.int64]
-    pole: NDArray[np.complex128]
-    residue: NDArray[np.complex128]
-    variance: NDArray[np.float64]
-    frequency_std: NDArray[np.float64]
-    damping_std: NDArray[np.float64]
-    enlargement: NDArray[np.float64]
-    probability: NDArray[np.float64]
+    run: Integers
+    pole: Complexes
+    residue: Complexes
+    variance: Reals
+    frequency_std: Reals
+    damping_std: Reals
+    enlargement: Reals
+    probability: Reals
     followed: bool = False
 
     def disagree(self) -> bool:
@@ -91,7 +91,7 @@ class RunPoles:
             probability=np.hstack([np.where(alone, self.probability, 1.0), np.tile(ones, (runs, 1))]),
         )
 
-    def growth(self, frequency_std: NDArray[np.float64], damping_std: NDArray[np.float64]) -> NDArray[np.float64]:
+    def growth(self, frequency_std: Reals, damping_std: Reals) -> Reals:
         """Factor by which the scatter between runs enlarges Re and Im of the poles of all runs together.
 
         Returned in turn for each mode, ``(2 n_mode,)``.
@@ -112,9 +112,7 @@ class RunPoles:
         return np.stack(with_scatter[::-1], axis=1).reshape(-1)  # damping is in Re, frequency in Im
 
 
-def frequency_damping_std(
-    pole: NDArray[np.complex128], covariance: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def frequency_damping_std(pole: Complexes, covariance: Reals) -> tuple[Reals, Reals]:
     """Carry the covariance of Re and Im of poles to ``abs(s) / 2 pi`` and ``-Re(s) / abs(s)``.
 
     Returns the standard deviations ``(n_mode,)`` of frequency (Hz) and damping ratio, by linearisation.
@@ -124,7 +122,7 @@ def frequency_damping_std(
     real, imaginary = covariance[index, index], covariance[index + 1, index + 1]
     cross = covariance[index, index + 1]
 
-    def deviation(by_real: NDArray[np.float64], by_imaginary: NDArray[np.float64]) -> NDArray[np.float64]:
+    def deviation(by_real: Reals, by_imaginary: Reals) -> Reals:
         variance = by_real**2 * real + 2.0 * by_real * by_imaginary * cross + by_imaginary**2 * imaginary
         return np.sqrt(np.maximum(variance, 0.0))
 
@@ -134,7 +132,7 @@ def frequency_damping_std(
     )
 
 
-def variance_along(residue: NDArray[np.complex128], covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+def variance_along(residue: Complexes, covariance: Reals) -> Reals:
     """Return the variance ``(n_function, n_mode)`` of each residue along its own phase."""
     direction = np.exp(1j * np.angle(residue))
     index = 2 * np.arange(residue.shape[1])
@@ -145,7 +143,7 @@ def variance_along(residue: NDArray[np.complex128], covariance: NDArray[np.float
     )
 
 
-def run_poles(data: Functions, fit: Fit, start: NDArray[np.complex128] | None = None) -> RunPoles:
+def run_poles(data: Functions, fit: Fit, start: Complexes | None = None) -> RunPoles:
     """Refine the poles of a fit run by run and compare the runs.
 
     Parameters
@@ -197,14 +195,12 @@ def run_poles(data: Functions, fit: Fit, start: NDArray[np.complex128] | None = 
     )
 
 
-def _variance(fit: Fit, factor: NDArray[np.float64]) -> NDArray[np.float64]:
+def _variance(fit: Fit, factor: Reals) -> Reals:
     """Return the variance of residues along their own phase, each mode's larger by a factor ``(n_mode,)``."""
     return variance_along(fit.residue, fit.residue_covariance()) * factor
 
 
-def _refined_alone(
-    run: Functions, pole: NDArray[np.complex128]
-) -> tuple[NDArray[np.complex128], NDArray[np.float64], NDArray[np.float64]]:
+def _refined_alone(run: Functions, pole: Complexes) -> tuple[Complexes, Reals, Reals]:
     """Refine on the functions of one run the poles that it determines; standard deviations of the others are infinite.
 
     Returned are the poles and the standard deviations of frequencies, Hz, and damping ratios in independent noise.
@@ -227,26 +223,24 @@ def _refined_alone(
     return refined, frequency_std, damping_std
 
 
-def _linear_fit(run: Functions, pole: NDArray[np.complex128]) -> Fit:
+def _linear_fit(run: Functions, pole: Complexes) -> Fit:
     """Fit residues and residual terms at fixed poles with the weights of a run."""
     return linear_fit(run.frequency, run.value, pole, run.quantity, run.weight)
 
 
-def _stds(fit: Fit) -> NDArray[np.float64]:
+def _stds(fit: Fit) -> Reals:
     """Return standard deviations of frequencies, Hz, and damping ratios, ``(2, n_mode)``, in independent noise."""
     return np.stack(frequency_damping_std(fit.pole, fit.pole_covariance))
 
 
-def _determined(
-    pole: NDArray[np.complex128], start: NDArray[np.complex128], frequency_std: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _determined(pole: Complexes, start: Complexes, frequency_std: Reals) -> Booleans:
     """Whether each refined pole is certain within its half bandwidth and stayed near where it started."""
     half_bandwidth = np.maximum(-pole.real, -start.real)
     certain = 2.0 * np.pi * frequency_std < 0.5 * half_bandwidth
     return certain & (np.abs(pole - start) < 0.05 * np.abs(pole))
 
 
-def _visible(fit: Fit, *, false_alarm: float = 1e-6) -> NDArray[np.bool_]:
+def _visible(fit: Fit, *, false_alarm: float = 1e-6) -> Booleans:
     """Whether the residues of each mode at its fixed pole stand out of the noise of a few functions."""
     index = 2 * np.arange(fit.pole.size)
     # Per unit noise the two parts of a residue have nearly equal variance and no correlation.
@@ -257,14 +251,12 @@ def _visible(fit: Fit, *, false_alarm: float = 1e-6) -> NDArray[np.bool_]:
     )
 
 
-def _resolved(std: NDArray[np.float64], pole: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _resolved(std: Reals, pole: Complexes) -> Reals:
     """Return the standard deviations with which frequencies of runs are compared, Hz."""
     return np.hypot(std, RESOLVED * -pole.real / (2.0 * np.pi))
 
 
-def _disagreement(
-    value: NDArray[np.float64], std: NDArray[np.float64], freedom: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _disagreement(value: Reals, std: Reals, freedom: Reals) -> Reals:
     """Probability of each run's distance ``(n_run, n_mode)`` from the others, which may scatter among themselves.
 
     The others' centre is their weighted median, so that a second odd run does not hide the first.
@@ -289,7 +281,7 @@ def moves_from_run_to_run(
     data: Functions,
     fit: Fit,
     mode: int,
-    candidates: NDArray[np.complex128],
+    candidates: Complexes,
     *,
     reach: float = 5.0,
     fewest_lines: int = 16,
@@ -360,13 +352,7 @@ def moves_from_run_to_run(
 
 
 def image_of_a_mode(
-    data: Functions,
-    fit: Fit,
-    tried: NDArray[np.complex128],
-    *,
-    close: float = 3.0,
-    needed: float = 0.5,
-    many: float = 10.0,
+    data: Functions, fit: Fit, tried: Complexes, *, close: float = 3.0, needed: float = 0.5, many: float = 10.0
 ) -> int | None:
     """Return the weakest pole that the runs, each with poles of its own, are likelier without, if there is one.
 
@@ -422,12 +408,7 @@ def image_of_a_mode(
 
 
 def _alone_without(
-    data: Functions,
-    runs: list[NDArray[np.complex128]],
-    each: list[Fit],
-    starts: list[NDArray[np.complex128]],
-    mode: int,
-    most: float,
+    data: Functions, runs: list[Complexes], each: list[Fit], starts: list[Complexes], mode: int, most: float
 ) -> float | None:
     """Objective of all runs, each with poles of its own but one; None as soon as more than `most` is lost by that.
 
@@ -444,6 +425,6 @@ def _alone_without(
     return alone
 
 
-def _roughly(data: Functions, value: NDArray[np.complex128], pole: NDArray[np.complex128]) -> Fit:
+def _roughly(data: Functions, value: Complexes, pole: Complexes) -> Fit:
     """Refine poles on the functions of a run until its likelihood is known as well as it is asked for: far below 10."""
     return refine(data.frequency, value, pole, data.quantity, tolerance=0.1)

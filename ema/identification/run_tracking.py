@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ema.identification.evidence import Left
 from ema.identification.functions import Functions, resonant, response
@@ -24,6 +23,7 @@ from ema.identification.run_poles import RUNS_DIFFER, RunPoles, run_poles
 from ema.identification.selection import select_modes
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
+from lamella_arrays import Complexes, Integers, Reals
 
 _LOG = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ class Followed:
         Peaks that stay unexplained.
     """
 
-    value: NDArray[np.complex128]
+    value: Complexes
     fit: Fit
     runs: RunPoles
     left: Left
@@ -127,14 +127,14 @@ def _worth(data: Functions, followed: Followed, together: Fit, *, worth: float =
     return bool(mine < worth * theirs and likelier)
 
 
-def _alone(frf: FRF, data: Functions, number: int, order: int, band: tuple[float, float]) -> NDArray[np.complex128]:
+def _alone(frf: FRF, data: Functions, number: int, order: int, band: tuple[float, float]) -> Complexes:
     """Return the poles of the band that a run shows by itself."""
     of_run = frf.outputs(frf.run == number)
     fit, _, _ = select_modes(data.of_run(number), stabilization(of_run, order=order).chosen, band)
     return fit.pole[resonant(fit.pole, band)]
 
 
-def linked(poles: list[NDArray[np.complex128]], *, rounds: int = 4, fewest: int = 2) -> NDArray[np.complex128]:
+def linked(poles: list[Complexes], *, rounds: int = 4, fewest: int = 2) -> Complexes:
     """Link the poles of runs one to one.
 
     Tracks begin as the poles of the run that shows most. Each run's poles go to the nearest tracks, the sum of squared
@@ -177,7 +177,7 @@ def linked(poles: list[NDArray[np.complex128]], *, rounds: int = 4, fewest: int 
     return track
 
 
-def _pairs(of_run: NDArray[np.float64], centre: NDArray[np.float64], *, reach: float = 0.06) -> list[tuple[int, int]]:
+def _pairs(of_run: Reals, centre: Reals, *, reach: float = 0.06) -> list[tuple[int, int]]:
     """Assign logarithms of frequencies to those of tracks, none beyond reach.
 
     The reach is the largest share by which a mode of one run may be off the median of the others.
@@ -188,11 +188,11 @@ def _pairs(of_run: NDArray[np.float64], centre: NDArray[np.float64], *, reach: f
     return [(int(i), int(t)) for i, t in zip(row, column, strict=True) if square[i, t] < reach**2]
 
 
-def _centre(track: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _centre(track: Complexes) -> Complexes:
     return np.asarray(np.nanmedian(track.real, axis=0) + 1j * np.nanmedian(track.imag, axis=0))
 
 
-def _filled(data: Functions, numbers: NDArray[np.int64], track: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _filled(data: Functions, numbers: Integers, track: Complexes) -> Complexes:
     """Give a run that does not show a mode the pole of that other run which explains its functions best."""
     filled = track.copy()
     centre = _centre(track)
@@ -205,7 +205,7 @@ def _filled(data: Functions, numbers: NDArray[np.int64], track: NDArray[np.compl
     return filled
 
 
-def _spread(pole: NDArray[np.complex128], *, most_tried: int = 12) -> NDArray[np.complex128]:
+def _spread(pole: Complexes, *, most_tried: int = 12) -> Complexes:
     """Return some of many poles, from the lowest to the highest frequency: more runs are to cost no more than a run.
 
     `most_tried`: poles of other runs that a mode is tried at which a run does not show.
@@ -217,13 +217,7 @@ def _spread(pole: NDArray[np.complex128], *, most_tried: int = 12) -> NDArray[np
 
 
 def _likeliest(
-    run: Functions,
-    pole: NDArray[np.complex128],
-    mode: int,
-    tried: NDArray[np.complex128],
-    *,
-    around: float = 5.0,
-    around_lines: float = 16.0,
+    run: Functions, pole: Complexes, mode: int, tried: Complexes, *, around: float = 5.0, around_lines: float = 16.0
 ) -> complex:
     """Return which of some poles of a mode explains the functions of a run best on the lines around all of them.
 
@@ -247,13 +241,13 @@ def _likeliest(
     return complex(tried[int(np.argmin(misfit))])
 
 
-def _mean(runs: RunPoles) -> NDArray[np.complex128]:
+def _mean(runs: RunPoles) -> Complexes:
     """Return the means of the poles of all runs, each weighing as it is certain."""
     std = np.where(np.isfinite(runs.frequency_std).any(axis=0), runs.frequency_std, 1.0)
     return np.average(runs.pole, axis=0, weights=std**-2.0)
 
 
-def _moved(data: Functions, runs: RunPoles, pole: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _moved(data: Functions, runs: RunPoles, pole: Complexes) -> Complexes:
     """Move the functions of each run from its own poles to common ones, modal constants kept."""
     value = data.value.copy()
     for number, of_run in zip(runs.run, runs.pole, strict=True):
@@ -265,7 +259,7 @@ def _moved(data: Functions, runs: RunPoles, pole: NDArray[np.complex128]) -> NDA
     return value
 
 
-def _carried(fit: Fit, runs: RunPoles) -> NDArray[np.complex128]:
+def _carried(fit: Fit, runs: RunPoles) -> Complexes:
     """Return where each run has the poles of a fit: those that were followed as far off the fit as they were."""
     centre = _mean(runs)
     track = np.tile(fit.pole, (runs.run.size, 1))

@@ -19,7 +19,6 @@ import logging
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.identification.evidence import (
     EXPLAINS_LESS,
@@ -47,14 +46,13 @@ from ema.identification.evidence import (
 from ema.identification.functions import MAX_DAMPING, Functions, inside, resonant, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.run_poles import RUNS_DIFFER, RunPoles, image_of_a_mode, moves_from_run_to_run, run_poles
+from lamella_arrays import Booleans, Complexes
 
 _LOG = logging.getLogger(__name__)
 _NONE = np.empty(0, dtype=complex)
 
 
-def select_modes(
-    data: Functions, candidates: NDArray[np.complex128], band: tuple[float, float]
-) -> tuple[Fit, RunPoles, Left]:
+def select_modes(data: Functions, candidates: Complexes, band: tuple[float, float]) -> tuple[Fit, RunPoles, Left]:
     """Refine what looks like a mode, then look for modes in what is left until none is found.
 
     Parameters
@@ -83,7 +81,7 @@ def select_modes(
     return *_run_by_run_borne_out(data, fit, candidates, band), left
 
 
-def fit_chosen(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> tuple[Fit, RunPoles, Left]:
+def fit_chosen(data: Functions, pole: Complexes, band: tuple[float, float]) -> tuple[Fit, RunPoles, Left]:
     """Refine poles that were chosen by hand, and judge, add and take away none.
 
     The parameters and results are those of `select_modes`.
@@ -93,7 +91,7 @@ def fit_chosen(data: Functions, pole: NDArray[np.complex128], band: tuple[float,
     return fit, runs, tuple((peak, chosen) for peak in unexplained_peaks(data, fit))
 
 
-def _screened(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _screened(data: Functions, candidates: Complexes) -> Complexes:
     """Candidates left when the least likely one is taken away until all are modes at fixed poles."""
     pole = candidates
     while pole.size:
@@ -105,7 +103,7 @@ def _screened(data: Functions, candidates: NDArray[np.complex128]) -> NDArray[np
     return pole
 
 
-def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, float]) -> Fit:
+def _refined(data: Functions, pole: Complexes, band: tuple[float, float]) -> Fit:
     """Refine, take away what is no mode, and refine again until every pole is one."""
     while True:
         fit = refine(data.frequency, data.value, pole, data.quantity)
@@ -115,7 +113,7 @@ def _refined(data: Functions, pole: NDArray[np.complex128], band: tuple[float, f
         pole = pole[keep]
 
 
-def _keep(data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[float, float]) -> NDArray[np.bool_]:
+def _keep(data: Functions, fit: Fit, start: Complexes, band: tuple[float, float]) -> Booleans:
     """Which refined poles are modes of the band, or flanks of modes outside of it that are needed."""
     verdicts = judge(data.frequency, fit, data.quantity)
     modes = verdicts.accepted & is_sound(fit, start, band) & ~is_confined(fit, data.run)
@@ -130,16 +128,14 @@ def _keep(data: Functions, fit: Fit, start: NDArray[np.complex128], band: tuple[
     return modes | neighbours
 
 
-def _without_images(data: Functions, fit: Fit, band: tuple[float, float], tried: NDArray[np.complex128]) -> Fit:
+def _without_images(data: Functions, fit: Fit, band: tuple[float, float], tried: Complexes) -> Fit:
     """Take away poles that stand for one mode at different places in different roving runs, none of those `tried`."""
     while (image := image_of_a_mode(data, fit, tried)) is not None:
         fit = _refined(data, np.delete(fit.pole, image), band)
     return fit
 
 
-def _with_further_modes(
-    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
-) -> Fit:
+def _with_further_modes(data: Functions, fit: Fit, candidates: Complexes, band: tuple[float, float]) -> Fit:
     """Add the likeliest mode in what a fit leaves, and again, until no proposal is one.
 
     The others are judged when the search is over: a mode still missing spoils their phases.
@@ -164,12 +160,8 @@ def _with_further_modes(
 
 
 def _proposals(
-    data: Functions,
-    fit: Fit,
-    candidates: NDArray[np.complex128],
-    band: tuple[float, float],
-    start: NDArray[np.complex128] | None,
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128] | None]:
+    data: Functions, fit: Fit, candidates: Complexes, band: tuple[float, float], start: Complexes | None
+) -> tuple[Complexes, Complexes | None]:
     """Poles worth a trial: what stands out of the residuals, candidates that no pole of the fit is near, and flanks.
 
     Returned are these, and the poles of each run for the next time: a run need not find again what it has found.
@@ -183,7 +175,7 @@ def _proposals(
     return np.concatenate([likeliest_poles(data.frequency, apart), unused, flanks]), start
 
 
-def _flanks(fit: Fit, band: tuple[float, float], *, aside: float = 0.03) -> NDArray[np.complex128]:
+def _flanks(fit: Fit, band: tuple[float, float], *, aside: float = 0.03) -> Complexes:
     """Poles just beyond both ends of the band, by a share of it: the flank of a mode there stands out at no line.
 
     Left out, it is shared between the modes of the band: one 7 % above it, 1 % of every shape. Refinement moves it.
@@ -196,9 +188,7 @@ def _flanks(fit: Fit, band: tuple[float, float], *, aside: float = 0.03) -> NDAr
     return np.asarray(ends * (1j * np.sqrt(1.0 - damping**2) - damping))
 
 
-def _run_by_run(
-    data: Functions, fit: Fit, start: NDArray[np.complex128] | None
-) -> tuple[Fit, NDArray[np.complex128] | None]:
+def _run_by_run(data: Functions, fit: Fit, start: Complexes | None) -> tuple[Fit, Complexes | None]:
     """Leave the residuals of each run at its own poles where runs disagree: a shifted mode is no second one.
 
     Returned is with it where the poles of the runs are sought next time. They begin where they were, `start`, and new
@@ -221,7 +211,7 @@ def _run_by_run(
 
 
 def take_in_peaks(
-    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float], *, most_tries: int = 3
+    data: Functions, fit: Fit, candidates: Complexes, band: tuple[float, float], *, most_tries: int = 3
 ) -> tuple[Fit, Left]:
     """Try what the functions show as a peak and the modes do not explain, until all of it is tried.
 
@@ -288,7 +278,7 @@ def _reach(peak: Peak, *, half_widths: float = 8.0, fewest: int = 16) -> int:
     return int(max(np.ceil(half_widths * peak.half_width), fewest))
 
 
-def _starting_poles(data: Functions, peak: Peak, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _starting_poles(data: Functions, peak: Peak, candidates: Complexes) -> Complexes:
     """Poles from which a peak is tried: the stable ones near it first, then that of its half-power bandwidth."""
     spacing = 2.0 * np.pi * float(data.frequency[1] - data.frequency[0])
     half_bandwidth = spacing * peak.half_width
@@ -297,7 +287,7 @@ def _starting_poles(data: Functions, peak: Peak, candidates: NDArray[np.complex1
     return np.append(candidates[near], complex(-half_bandwidth, centre))
 
 
-def _poles_beside(data: Functions, fit: Fit, peak: Peak, candidates: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _poles_beside(data: Functions, fit: Fit, peak: Peak, candidates: Complexes) -> Complexes:
     """Poles for the other peaks without one that anyone sees around a peak, each its likeliest starting pole."""
     others = [
         _starting_poles(data, other, candidates)[0]
@@ -310,7 +300,7 @@ def _poles_beside(data: Functions, fit: Fit, peak: Peak, candidates: NDArray[np.
     return np.array(others, dtype=complex)
 
 
-def _flanks_beside(data: Functions, fit: Fit, peak: Peak) -> NDArray[np.complex128]:
+def _flanks_beside(data: Functions, fit: Fit, peak: Peak) -> Complexes:
     """Poles beyond the ends of the band that a peak is near: else its own pole goes to the flank of a mode there."""
     end = data.frequency[[0, -1]]
     near = _reach(peak) * (data.frequency[1] - data.frequency[0]) >= np.abs(end - peak.frequency)
@@ -320,13 +310,8 @@ def _flanks_beside(data: Functions, fit: Fit, peak: Peak) -> NDArray[np.complex1
 
 
 def try_peak(
-    data: Functions,
-    fit: Fit,
-    peak: Peak,
-    start: NDArray[np.complex128],
-    band: tuple[float, float],
-    beside: NDArray[np.complex128] = _NONE,
-) -> NDArray[np.complex128] | Refusal:
+    data: Functions, fit: Fit, peak: Peak, start: Complexes, band: tuple[float, float], beside: Complexes = _NONE
+) -> Complexes | Refusal:
     """Judge a peak on the lines around it, from each of several starting poles.
 
     Parameters
@@ -353,7 +338,7 @@ def try_peak(
         # Such lines count for little beside resonances; but what anyone sees there is in no mode of the result.
         alone = "the modes explain it where the lines around it are fitted alone, but not beside all others"
         return Refusal(alone, least_listed(peak, LISTED))
-    best: tuple[float, NDArray[np.complex128]] | None = None
+    best: tuple[float, Complexes] | None = None
     refusal = Refusal("no pole of the fit comes to rest there")
     for pole in start:
         trial = np.append(around.without.pole, pole)
@@ -369,7 +354,7 @@ def try_peak(
     return np.concatenate([fit.pole[~around.near], best[1][:n_near], best[1][-1:]])
 
 
-def _surroundings(data: Functions, fit: Fit, peak: Peak, beside: NDArray[np.complex128]) -> Surroundings:
+def _surroundings(data: Functions, fit: Fit, peak: Peak, beside: Complexes) -> Surroundings:
     """Fit the lines around a peak with the modes that are near, and with poles of other peaks, but not of its own."""
     lines = slice(max(0, peak.line - _reach(peak)), min(data.frequency.size, peak.line + _reach(peak) + 1))
     frequency = data.frequency[lines]
@@ -441,7 +426,7 @@ def peaks_to_report(data: Functions, fit: Fit, refused: dict[int, Refusal]) -> L
 
 
 def _run_by_run_borne_out(
-    data: Functions, fit: Fit, candidates: NDArray[np.complex128], band: tuple[float, float]
+    data: Functions, fit: Fit, candidates: Complexes, band: tuple[float, float]
 ) -> tuple[Fit, RunPoles]:
     """Finish a fit, and take runs to differ in those modes alone that are borne out on the lines around them.
 

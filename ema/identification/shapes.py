@@ -27,11 +27,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 import scipy.linalg
-from numpy.typing import NDArray
 
 from ema.identification.evidence import FALSE_ALARM, MIN_COLLINEARITY, MIN_REALNESS, inflation
 from ema.types.frf import DERIVATIVE, FRF, Dofs, Quantity, driving_points
 from ema.types.modal_model import ModalModel, synthesize
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,15 +48,15 @@ class Shapes:
         Which modes have a valid driving point.
     """
 
-    shape: NDArray[np.complex128]
-    std: NDArray[np.float64]
-    scaled: NDArray[np.bool_]
+    shape: Complexes
+    std: Reals
+    scaled: Booleans
 
 
 def shapes_from_residues(
-    pole: NDArray[np.complex128],
-    residue: NDArray[np.complex128],
-    variance: NDArray[np.float64],
+    pole: Complexes,
+    residue: Complexes,
+    variance: Reals,
     output: Dofs,
     inputs: Dofs,
     *,
@@ -129,19 +129,19 @@ class Around:
         Their product is the standard deviation of the complex noise.
     """
 
-    frequency: NDArray[np.float64]
+    frequency: Reals
     quantity: Quantity
-    value: NDArray[np.complex128]
-    output_noise: NDArray[np.float64]
-    input_noise: NDArray[np.float64]
+    value: Complexes
+    output_noise: Reals
+    input_noise: Reals
 
-    def line(self, pole: NDArray[np.complex128], power: int = 1) -> NDArray[np.complex128]:
+    def line(self, pole: Complexes, power: int = 1) -> Complexes:
         """Return what modal constants ``2 i omega_d A`` of 1 at poles give, (n_pole, n_line), its smooth part out."""
         s = 2j * np.pi * self.frequency
         response = s ** DERIVATIVE[self.quantity] / (2j * pole.imag[:, None] * (s - pole[:, None]) ** power)
         return self.rough(response)
 
-    def rough(self, value: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def rough(self, value: Complexes) -> Complexes:
         """Return functions without their straight part over the lines."""
         straight = np.stack([np.ones(self.frequency.size), self.frequency - self.frequency.mean()])
         straight /= np.linalg.norm(straight, axis=1, keepdims=True)
@@ -168,10 +168,10 @@ class RankOneModes:
         Power of what the modes leave of the functions.
     """
 
-    pole: NDArray[np.complex128]
-    pole_std: NDArray[np.float64]
-    residue: NDArray[np.complex128]
-    residue_std: NDArray[np.float64]
+    pole: Complexes
+    pole_std: Reals
+    residue: Complexes
+    residue_std: Reals
     angle_std: float
     left: float
 
@@ -180,8 +180,8 @@ class RankOneModes:
 class _Factors:
     """Real parts of the modal constants of a pole over their noise, ``left @ right.T``, columns alike in length."""
 
-    left: NDArray[np.float64]  # (n_output, n_mode)
-    right: NDArray[np.float64]  # (n_input, n_mode)
+    left: Reals  # (n_output, n_mode)
+    right: Reals  # (n_input, n_mode)
 
 
 def rank_one_modes(around: Around, pole: complex, pairs: list[tuple[int, int, float]], most: int) -> RankOneModes:
@@ -216,7 +216,7 @@ def _factors(around: Around, pole: complex, most: int, *, least_part: float = 0.
     measurement.
     """
     line = around.line(np.array([pole]))[0]
-    constant: NDArray[np.complex128] = around.value @ line.conj() / np.linalg.norm(line) ** 2
+    constant: Complexes = around.value @ line.conj() / np.linalg.norm(line) ** 2
     rest = around.rough(around.value) - constant[..., None] * line
     grown = inflation(rest.reshape(-1, line.size))
     variance = 0.5 * grown / float(np.linalg.norm(line)) ** 2  # of either part
@@ -238,7 +238,7 @@ def _factors(around: Around, pole: complex, most: int, *, least_part: float = 0.
     return _Factors(left=by_output[:, :n] * root, right=by_input[:n].T * root)
 
 
-def _real(constant: NDArray[np.complex128], variance: float) -> bool:
+def _real(constant: Complexes, variance: float) -> bool:
     """Whether modal constants of rank one, each part of them with a variance, lie on the real axis as a mode's do."""
     noise = variance * (sum(constant.shape) - 1)
     real, imaginary = (float(np.sum(part**2)) - noise for part in (constant.real, constant.imag))
@@ -248,12 +248,7 @@ def _real(constant: NDArray[np.complex128], variance: float) -> bool:
 
 
 def _is_additive(
-    strong: NDArray[np.float64],
-    weak: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    *,
-    least_likelier: float = 2.0,
-    largest_error: float = 0.1,
+    strong: Reals, weak: Reals, noise: Reals, *, least_likelier: float = 2.0, largest_error: float = 0.1
 ) -> bool:
     """Whether a weak part of the modal constants is one of a mode, and not an error of gains or of places hit.
 
@@ -265,7 +260,7 @@ def _is_additive(
     `largest_error`: errors of gains of single functions, relative, that are thought possible.
     """
 
-    def log_likelihood(std: NDArray[np.float64]) -> float:
+    def log_likelihood(std: Reals) -> float:
         variance = std**2 + noise**2
         return float(np.max(-0.5 * np.sum(np.log(variance) + weak**2 / variance, axis=1)))
 
@@ -277,7 +272,7 @@ def _is_additive(
 
 def _common_basis(
     factors: _Factors, around: Around, pairs: list[tuple[int, int, float]], *, least_definite: float = 1e-3
-) -> NDArray[np.float64]:
+) -> Reals:
     """Mixing X of the columns that makes shapes ``left X`` and participations ``right X**-T`` the same.
 
     At driving points that is ``left S = right`` with the symmetric ``S = X X^T``. Where they do not tell it, X makes
@@ -302,7 +297,7 @@ def _common_basis(
     return np.asarray(np.linalg.inv(np.linalg.cholesky(left.T @ left)).T)
 
 
-def _distances(around: Around, pole: complex, factors: _Factors) -> NDArray[np.complex128]:
+def _distances(around: Around, pole: complex, factors: _Factors) -> Complexes:
     """Return M of the module's equation, rad/s: the functions seen along the factors have it in a double pole."""
     square = np.sum(factors.left**2, axis=0)  # as of `right`
     seen = np.einsum("ok,oif,il->klf", factors.left, around.value, factors.right) / np.outer(square, square)[..., None]
@@ -312,7 +307,7 @@ def _distances(around: Around, pole: complex, factors: _Factors) -> NDArray[np.c
     return np.asarray(solution[0].reshape(n, n))
 
 
-def _rotation(angle: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+def _rotation(angle: Reals, n: int) -> Reals:
     """Return the rotation by small angles in each pair of `n` axes."""
     skew = np.zeros((n, n))
     skew[np.triu_indices(n, 1)] = angle
@@ -320,12 +315,7 @@ def _rotation(angle: NDArray[np.float64], n: int) -> NDArray[np.float64]:
 
 
 def _refined(
-    around: Around,
-    factors: _Factors,
-    start: NDArray[np.complex128],
-    participation: NDArray[np.float64],
-    *,
-    unknown_angle: float = np.pi / 4.0,
+    around: Around, factors: _Factors, start: Complexes, participation: Reals, *, unknown_angle: float = np.pi / 4.0
 ) -> RankOneModes:
     """Minimise the misfit over poles and a rotation of the participations, from a start.
 
@@ -337,15 +327,15 @@ def _refined(
     side = factors.left / np.linalg.norm(factors.left, axis=0)
     seen = around.rough(np.einsum("ok,oif->kif", side, around.value)).reshape(n, -1)
 
-    def unpacked(x: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    def unpacked(x: Reals) -> tuple[Complexes, Reals]:
         pole = start + width * (x[:n] + 1j * x[n : 2 * n])
         return pole, participation @ _rotation(x[2 * n :], n)
 
-    def basis(x: NDArray[np.float64]) -> NDArray[np.complex128]:
+    def basis(x: Reals) -> Complexes:
         pole, turned = unpacked(x)
         return np.asarray((turned.T[:, :, None] * around.line(pole)[:, None, :]).reshape(n, -1))
 
-    def misfit(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def misfit(x: Reals) -> Reals:
         orthogonal = np.linalg.qr(basis(x).T)[0]
         rest = seen - (seen @ orthogonal.conj()) @ orthogonal.T
         return np.concatenate([rest.real.ravel(), rest.imag.ravel()])
@@ -414,13 +404,13 @@ def with_repeated_roots(model: ModalModel, frf: FRF) -> ModalModel:
     return model
 
 
-def _alike(residue: NDArray[np.complex128]) -> bool:
+def _alike(residue: Complexes) -> bool:
     """Whether neighbouring modes have one shape: a mode whose frequency is another one with each force."""
     shape = np.stack([np.linalg.svd(one)[0][:, 0] for one in np.moveaxis(residue, -1, 0)])
     return bool(np.all(np.abs(np.sum(shape[1:].conj() * shape[:-1], axis=1)) ** 2 > ALIKE))
 
 
-def _clusters(pole: NDArray[np.complex128], *, near: float = 1.0) -> Iterator[NDArray[np.int64]]:
+def _clusters(pole: Complexes, *, near: float = 1.0) -> Iterator[Integers]:
     """Yield the positions of poles that are near each other, of one alone, too.
 
     `near`: half bandwidths within which residues of two poles are taken together: beyond, each pole has certain ones.
@@ -434,10 +424,10 @@ def _clusters(pole: NDArray[np.complex128], *, near: float = 1.0) -> Iterator[ND
 
 def _around(
     model: ModalModel,
-    members: NDArray[np.int64],
+    members: Integers,
     frf: FRF,
-    rest: NDArray[np.complex128],
-    noises: tuple[NDArray[np.float64], NDArray[np.float64]],
+    rest: Complexes,
+    noises: tuple[Reals, Reals],
     *,
     window: float = 10.0,
     fewest_lines: int = 16,
@@ -474,7 +464,7 @@ def _as_good(modes: RankOneModes, left: float, around: Around, n_before: int) ->
     return 2.0 * (modes.left - left) / grown < scipy.special.chdtri(max(saved, 1), FALSE_ALARM)
 
 
-def _with_modes(model: ModalModel, members: NDArray[np.int64], modes: RankOneModes) -> ModalModel:
+def _with_modes(model: ModalModel, members: Integers, modes: RankOneModes) -> ModalModel:
     """Replace modes of a model by others."""
     n, first = modes.pole.size, int(members[0])
     new = np.arange(first, first + n)

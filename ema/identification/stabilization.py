@@ -37,18 +37,18 @@ from ema.identification.functions import MAX_DAMPING, PartBand, part_bands
 from ema.modal.mac import cmif
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
-from lamella_shared import arrays
+from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
 
 
 def nearby_roots(
     coefficient: NDArray[Any],
-    known: NDArray[np.complex128],
+    known: Complexes,
     *,
     ended: float = 1e-14,
     rounding: float = 1e-9,
     sum_error: float = 1e-9,
     rounds: int = 40,
-) -> NDArray[np.complex128] | None:
+) -> Complexes | None:
     """Return the roots of ``z**n + sum_k coefficient[k] z**k``, ``(n,)``, or None where they must be found otherwise.
 
     Parameters
@@ -88,9 +88,7 @@ def nearby_roots(
     return None if active.size or off > sum_error * np.abs(root).sum() else root
 
 
-def _steps(
-    table: NDArray[np.complex128], root: NDArray[np.complex128], active: NDArray[np.int64]
-) -> NDArray[np.complex128]:
+def _steps(table: Complexes, root: Complexes, active: Integers) -> Complexes:
     """Return the step of each active root."""
     z, n = root[active], len(table) - 1
     with np.errstate(all="ignore"):  # what is not finite is seen by the caller
@@ -103,7 +101,7 @@ def _steps(
         return np.asarray(newton / (1.0 - newton * (1.0 / gap).sum(axis=1)))
 
 
-def _powers(base: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
+def _powers(base: Complexes, n: int) -> Complexes:
     """Return powers 0 to n, ``(n_base, n + 1)``."""
     power = np.ones((base.size, n + 1), dtype=complex)
     done, factor = 1, base[:, None]
@@ -114,7 +112,7 @@ def _powers(base: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
     return power
 
 
-def _between(known: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
+def _between(known: Complexes, n: int) -> Complexes:
     """Return places in the widest gaps of known roots around the unit circle, none of them real."""
     angle = np.sort(np.angle(known))
     gap = np.diff(angle, append=angle[0] + 2.0 * np.pi)
@@ -122,9 +120,7 @@ def _between(known: NDArray[np.complex128], n: int) -> NDArray[np.complex128]:
     return np.asarray(1.01 * np.exp(1j * (angle[widest] + 0.5 * gap[widest] + 1e-3)))
 
 
-def lscf_poles(
-    frequency: NDArray[np.float64], value: NDArray[np.complex128], order: int, scale: NDArray[np.float64] | None = None
-) -> list[NDArray[np.complex128]]:
+def lscf_poles(frequency: Reals, value: Complexes, order: int, scale: Reals | None = None) -> list[Complexes]:
     """Return the upper half-plane poles of every model order up to `order`.
 
     Parameters
@@ -167,7 +163,7 @@ def lscf_poles(
     return poles
 
 
-def _check(frequency: NDArray[np.float64], value: NDArray[np.complex128], order: int, step: int) -> None:
+def _check(frequency: Reals, value: Complexes, order: int, step: int) -> None:
     """Refuse values that are not finite, and fewer lines than unknowns."""
     n_output, n_reference, n_frequency = value.shape
     if not np.all(np.isfinite(value)):
@@ -188,22 +184,22 @@ class _Circle:
     span: float  # of the whole circle, Hz
 
     @classmethod
-    def of(cls, frequency: NDArray[np.float64], *, half: bool) -> _Circle:
+    def of(cls, frequency: Reals, *, half: bool) -> _Circle:
         """Return the circle of which lines fill half or all."""
         first, last, n_frequency = float(frequency[0]), float(frequency[-1]), frequency.size
         if half:
             return cls(half=True, origin=0.0, span=2.0 * last)
         return cls(half=False, origin=first, span=(last - first) * n_frequency / (n_frequency - 1))
 
-    def angle(self, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angle(self, frequency: Reals) -> Reals:
         """Return the angles of lines, rad."""
         return 2.0 * np.pi * (frequency - self.origin) / self.span
 
-    def weight(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def weight(self, theta: Reals) -> Reals:
         """Return what lines count: one at 0 or pi of the half circle is its own conjugate, the others count twice."""
         return np.where(np.isclose(np.sin(theta), 0.0, atol=1e-12) & self.half, 0.5, 1.0)
 
-    def pole(self, root: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def pole(self, root: Complexes) -> Complexes:
         """Return the poles, rad/s, of roots in z."""
         logarithm = -np.log(root)
         if not self.half:
@@ -213,10 +209,10 @@ class _Circle:
 
 
 def _denominators(
-    theta: NDArray[np.float64],
-    weight: NDArray[np.float64],
-    value: NDArray[np.complex128],
-    scale: NDArray[np.float64],
+    theta: Reals,
+    weight: Reals,
+    value: Complexes,
+    scale: Reals,
     degree: int,
     step: int,
     *,
@@ -267,7 +263,7 @@ def _denominators(
     return coefficients
 
 
-def _lags(kernel: NDArray[np.complex128], value: NDArray[np.complex128], *, real: bool) -> NDArray[Any]:
+def _lags(kernel: Complexes, value: Complexes, *, real: bool) -> NDArray[Any]:
     """Sum ``value exp(i lag theta)`` over the lines for lags ``-degree..degree``: ``(n_lag, n_row)``."""
     if real:
         even, odd = kernel.real @ value.real.T, kernel.imag @ value.imag.T
@@ -292,7 +288,7 @@ def _solve(matrix: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         return np.linalg.lstsq(matrix, right, rcond=None)[0]
 
 
-def _roots(coefficient: NDArray[Any], known: NDArray[np.complex128], *, many: int = 30) -> NDArray[np.complex128]:
+def _roots(coefficient: NDArray[Any], known: Complexes, *, many: int = 30) -> Complexes:
     """Roots of ``det(sum_k coefficient[k] z**k + I z**n)`` as eigenvalues of the block companion matrix.
 
     The coefficients stand in the first block row, the form that LAPACK reduces fastest. Many roots of one polynomial
@@ -337,15 +333,15 @@ class StabilizationDiagram:
         Complex mode indicator function, drawn behind the poles.
     """
 
-    order: NDArray[np.int64]
-    pole: NDArray[np.complex128]
-    cluster: NDArray[np.int64]
-    chosen: NDArray[np.complex128]
-    frequency: NDArray[np.float64]
-    indicator: NDArray[np.float64]
+    order: Integers
+    pole: Complexes
+    cluster: Integers
+    chosen: Complexes
+    frequency: Reals
+    indicator: Reals
 
     @property
-    def stable(self) -> NDArray[np.bool_]:
+    def stable(self) -> Booleans:
         """Whether each pole belongs to a cluster, ``(n_pole,)``."""
         return self.cluster >= 0
 
@@ -386,7 +382,7 @@ def stabilization(frf: FRF, *, order: int | None = None) -> StabilizationDiagram
     )
 
 
-def _indicator(value: NDArray[np.complex128], *, at_once: int = 1 << 18) -> NDArray[np.float64]:
+def _indicator(value: Complexes, *, at_once: int = 1 << 18) -> Reals:
     """Return the complex mode indicator of functions of a mean square of 1.
 
     `at_once`: values that are worked on at once.
@@ -396,21 +392,21 @@ def _indicator(value: NDArray[np.complex128], *, at_once: int = 1 << 18) -> NDAr
     return np.concatenate([cmif(value[..., start : start + few] / rms) for start in blocks], axis=-1)
 
 
-def _rms(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _rms(value: Complexes) -> Reals:
     """Return the root mean square of each function, (n_output, n_input), 1 of those that are zero."""
     rms = np.array([[np.sqrt(np.mean(np.abs(one) ** 2)) for one in of_output] for of_output in value])
     return np.where(rms > 0.0, rms, 1.0)
 
 
 def _of_part(
-    frequency: NDArray[np.float64], value: NDArray[np.complex128], part: PartBand, order: int | None
-) -> tuple[NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64], NDArray[np.complex128]]:
+    frequency: Reals, value: Complexes, part: PartBand, order: int | None
+) -> tuple[Integers, Complexes, Integers, Complexes]:
     """Return order, pole and cluster of the poles of one part of the band, and the representatives of the clusters."""
     lines = frequency[part.lines]
     order = highest_order(lines.size) if order is None else order
     lower, upper = frequency[part.core.start], frequency[min(part.core.stop, frequency.size - 1)]
-    orders: list[NDArray[np.int64]] = []
-    poles: list[NDArray[np.complex128]] = []
+    orders: list[Integers] = []
+    poles: list[Complexes] = []
     there = value[..., part.lines]
     for k, of_order in enumerate(lscf_poles(lines, there, order, _rms(there)), start=1):
         hertz = np.abs(of_order) / (2.0 * np.pi)
@@ -424,13 +420,13 @@ def _of_part(
     return all_orders, all_poles, *_clusters(all_orders, all_poles, chain, order)
 
 
-def _chain(poles: list[NDArray[np.complex128]], *, link_distance: float = 0.01, max_gap: int = 2) -> NDArray[np.int64]:
+def _chain(poles: list[Complexes], *, link_distance: float = 0.01, max_gap: int = 2) -> Integers:
     """Give each pole the number of its chain, in the order of the concatenated poles.
 
     `link_distance`: largest distance of linked poles of neighbouring orders over the magnitude of the pole.
     `max_gap`: a chain survives this many orders without its pole.
     """
-    numbers: list[NDArray[np.int64]] = []
+    numbers: list[Integers] = []
     n_chain = 0
     end_pole = np.empty(0, dtype=complex)  # last pole, its order and number of every chain still alive
     end_order = np.empty(0, dtype=int)
@@ -456,12 +452,10 @@ def _chain(poles: list[NDArray[np.complex128]], *, link_distance: float = 0.01, 
     return np.concatenate(numbers)
 
 
-def _clusters(
-    order: NDArray[np.int64], pole: NDArray[np.complex128], chain: NDArray[np.int64], highest: int
-) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
+def _clusters(order: Integers, pole: Complexes, chain: Integers, highest: int) -> tuple[Integers, Complexes]:
     """Clusters are the long chains; one pole stands for each, the median over its upper half of orders."""
     cluster = np.full(pole.size, -1)
-    members: list[NDArray[np.int64]] = []
+    members: list[Integers] = []
     chosen: list[complex] = []
     fewest = min(MIN_CHAIN, -(-highest // 3))
     for number, count in enumerate(np.bincount(chain)):

@@ -31,12 +31,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ema.identification.functions import Functions
 from ema.identification.maximum_likelihood import Fit
 from ema.quality.peaks import MIN_LINES
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Complexes, Reals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,11 +58,11 @@ class RunNoise:
         Sums over lines of what is left times itself some lines on, for each mode, from no lag on.
     """
 
-    strength: NDArray[np.float64]
-    response: NDArray[np.float64]
-    ratio: NDArray[np.float64]
-    freedom: NDArray[np.float64]
-    correlation: tuple[NDArray[np.float64], ...]
+    strength: Reals
+    response: Reals
+    ratio: Reals
+    freedom: Reals
+    correlation: tuple[Reals, ...]
 
 
 def run_noise(run: Functions, fit: Fit) -> RunNoise:
@@ -113,12 +113,12 @@ class Enlargement:
         Degrees of freedom of both; infinite where the noise is independent.
     """
 
-    each: NDArray[np.float64]
-    together: NDArray[np.float64]
-    freedom: NDArray[np.float64]
+    each: Reals
+    together: Reals
+    freedom: Reals
 
     @property
-    def student(self) -> NDArray[np.float64]:
+    def student(self) -> Reals:
         """Student's over the normal quantile of 95 %, (n_mode,): what makes normal intervals wide enough."""
         two_sided = 0.975
         return np.asarray(scipy.special.stdtrit(self.freedom, two_sided) / scipy.special.ndtri(two_sided))
@@ -154,9 +154,7 @@ def enlargement(runs: tuple[RunNoise, ...]) -> Enlargement:
     return Enlargement(each=each, together=together, freedom=freedoms)
 
 
-def _slope(
-    g: NDArray[np.float64], ratio: NDArray[np.float64], freedom: NDArray[np.float64], *, believed: float = 2.0
-) -> float:
+def _slope(g: Reals, ratio: Reals, freedom: Reals, *, believed: float = 2.0) -> float:
     """Rise of the variance ratio with the response, ``ratio = 1 + slope g``; 0 where chance makes as much.
 
     Weighted least squares, the weights from the rise itself: the variance of a ratio is its square over the freedom.
@@ -171,7 +169,7 @@ def _slope(
     return slope if slope > believed * chance else 0.0
 
 
-def _serial(correlations: list[NDArray[np.float64]], freedom: float, *, correlated: float = 4.0) -> float:
+def _serial(correlations: list[Reals], freedom: float, *, correlated: float = 4.0) -> float:
     """Spectral density over variance of what is left, where a correlation from line to line is significant.
 
     `correlated`: standard deviations, likewise, of the correlation from line to line, whose sum is what scatters most.
@@ -185,7 +183,7 @@ def _serial(correlations: list[NDArray[np.float64]], freedom: float, *, correlat
     return 1.0 + 2.0 * float(correlation[1:end].sum())
 
 
-def _window(frequency: NDArray[np.float64], pole: complex, *, half_bandwidths: float = 4.0, fewest: int = 8) -> slice:
+def _window(frequency: Reals, pole: complex, *, half_bandwidths: float = 4.0, fewest: int = 8) -> slice:
     """Lines around a pole that its noise is taken from.
 
     `half_bandwidths`, `fewest`: half bandwidths around a pole, and lines on each side at least.
@@ -197,7 +195,7 @@ def _window(frequency: NDArray[np.float64], pole: complex, *, half_bandwidths: f
     return slice(start, int(np.clip(centre + reach + 1, start + 2 * fewest, frequency.size)))
 
 
-def _read_from(frequency: NDArray[np.float64], pole: complex) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _read_from(frequency: Reals, pole: complex) -> tuple[Reals, Reals]:
     """Share of each line in what is read of a pole, of sum 1, and its leverage in the fit of residue and pole."""
     line = 1.0 / (2j * np.pi * frequency - pole)
     basis, _ = np.linalg.qr(np.stack([line, line**2], axis=1))
@@ -208,7 +206,7 @@ UNKNOWN_LINES = 0.4
 """Standard deviation of a half-power bandwidth of few lines, in lines."""
 
 
-def with_unknown_lines(modal_model: ModalModel, frequency: NDArray[np.float64]) -> ModalModel:
+def with_unknown_lines(modal_model: ModalModel, frequency: Reals) -> ModalModel:
     """Return a model whose damping ratios are known no better than the spacing of its lines allows.
 
     All runs have these lines, so this comes after runs are averaged: what every one of them leaves unknown in the same
@@ -234,9 +232,7 @@ def with_unknown_lines(modal_model: ModalModel, frequency: NDArray[np.float64]) 
     )
 
 
-def decay_variance(
-    pole: NDArray[np.complex128], frequency: NDArray[np.float64], decay_rate: float, *, fades: float = 1.0
-) -> NDArray[np.float64]:
+def decay_variance(pole: Complexes, frequency: Reals, decay_rate: float, *, fades: float = 1.0) -> Reals:
     """Return the variance of the real part of poles, (rad/s)**2, of an unknown window, ``(n_mode,)``.
 
     Parameters

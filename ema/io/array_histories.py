@@ -18,6 +18,7 @@ from ema.io.files import FORCE, UNKNOWN, field_of
 from ema.io.measured_function import Channels, MeasuredFunction, require_ascending
 from ema.io.variables import FIRST_CHANNEL, VariableLayout
 from ema.types.errors import MeasurementError
+from lamella_arrays import Reals
 from lamella_shared import plain_bytes
 
 _PARTS = re.compile(r"(\d+)")
@@ -92,7 +93,7 @@ def _require_one_start(path: Path, arrays: Mapping[str, ArrayInFile], layout: Va
             raise MeasurementError(message)
 
 
-def _counts(block: NDArray[np.float64]) -> str:
+def _counts(block: Reals) -> str:
     return f"{block.shape[0]} runs, {block.shape[1]} hits, {block.shape[2]} channels and {block.shape[3]} samples"
 
 
@@ -119,7 +120,7 @@ def _natural(name: str) -> list[int | str]:
 
 def _stacked(
     path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, name: str, *, matlab: bool
-) -> NDArray[np.float64]:
+) -> Reals:
     """Return an array of the axes run, hit, channel, time, or many along the first axes, as long as the shortest."""
     count = name.count("*")
     stacked = [
@@ -128,10 +129,10 @@ def _stacked(
     ]
     n_sample = min(block.shape[3] for _, block in stacked)
 
-    def along(level: int, part: list[tuple[str, NDArray[np.float64]]]) -> NDArray[np.float64]:
+    def along(level: int, part: list[tuple[str, Reals]]) -> Reals:
         if level == count:
             return part[0][1][..., :n_sample]
-        of_name: dict[str, list[tuple[str, NDArray[np.float64]]]] = {}
+        of_name: dict[str, list[tuple[str, Reals]]] = {}
         for n, block in part:
             of_name.setdefault(_starred(name, n)[level], []).append((n, block))
         blocks = [along(level + 1, group) for group in of_name.values()]
@@ -155,7 +156,7 @@ def _block(
     named: tuple[str, ...],
     *,
     matlab: bool,
-) -> NDArray[np.float64]:
+) -> Reals:
     """Return an array with the axes run, hit, channel, time; those that it does not have are of length one."""
     value = array(path, arrays, "history", name)
     if np.iscomplexobj(value):
@@ -192,8 +193,8 @@ def _axes_of(value: NDArray[Any], axes: tuple[str, ...], *, droppable: bool) -> 
 
 
 def _time(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, blocks: list[tuple[str, NDArray[np.float64]]]
-) -> NDArray[np.float64]:
+    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, blocks: list[tuple[str, Reals]]
+) -> Reals:
     name, block = blocks[0]
     count = block.shape[3]
     where, time = f"{path}: variable {name!r} (time)", block[0, 0, 0]
@@ -276,7 +277,7 @@ def read_wav(path: Path, full_scale: tuple[float, ...]) -> tuple[MeasuredFunctio
     )  # fmt: skip
 
 
-def _content(path: Path) -> tuple[float, NDArray[np.float64]]:
+def _content(path: Path) -> tuple[float, Reals]:
     """Return the sampling rate, Hz, and the samples over full scale, (n_sample, n_channel)."""
     middle_of_bytes = 2.0**7  # of whole numbers of 8 bits, which have no sign
     # Full scale of whole numbers; SciPy gives those of 24 bits as the upper ones of 32
@@ -329,7 +330,7 @@ class HistoriesFound:
     guesses: tuple[str, ...]
 
 
-def pulse_share(value: NDArray[np.float64], *, of_a_pulse: float = 0.1) -> NDArray[np.float64]:
+def pulse_share(value: Reals, *, of_a_pulse: float = 0.1) -> Reals:
     """Return the share of each record, (..., n_sample), in which it is above a tenth of its largest value: (...).
 
     The force of a hammer is a short pulse, a response rings on. 1 of a constant record, and of one that is not finite.
@@ -475,7 +476,7 @@ def _ascends(value: NDArray[Any]) -> bool:
     return value.size == max(value.shape) and bool(np.all(np.diff(value.ravel().astype(float)) > 0))
 
 
-def _has_pulse(value: NDArray[np.float64], n_sample: int, *, fewest_of_a_pulse: int = 512) -> bool:
+def _has_pulse(value: Reals, n_sample: int, *, fewest_of_a_pulse: int = 512) -> bool:
     """Tell whether some record of an array is at rest but for a short pulse, which no mode shape or spectrum of few is.
 
     `fewest_of_a_pulse`: samples of a record of which nothing but a pulse tells that it is one.
@@ -531,7 +532,7 @@ def _axes_beside(records: _Records, beside: Mapping[str, int]) -> list[str] | No
     return axes if axes.count("channel") < 2 else None
 
 
-def _channel_axis(value: NDArray[np.float64], at: int, rest: list[int], records: _Records) -> int | None:
+def _channel_axis(value: Reals, at: int, rest: list[int], records: _Records) -> int | None:
     """Return the axis of the channels: what a smaller array, of a force, lacks, else along which one has pulses.
 
     Where it may lack several, it is the one without which its blows explain most of the responses.
@@ -550,7 +551,7 @@ def _channel_axis(value: NDArray[np.float64], at: int, rest: list[int], records:
     return rest[int(np.argmax(spread))]
 
 
-def _explained(force: NDArray[np.float64], response: NDArray[np.float64]) -> float:
+def _explained(force: Reals, response: Reals) -> float:
     """Return the share of the power of responses, (n_channel, n_hit, n_sample), that a force, of each hit, explains."""
     of_force = np.fft.rfft(np.moveaxis(force, int(np.argmax(force.shape)), -1))
     of_response = np.fft.rfft(response)
@@ -559,11 +560,11 @@ def _explained(force: NDArray[np.float64], response: NDArray[np.float64]) -> flo
     return float(np.sum(both / np.where(power > 0.0, power, 1.0)) / np.sum(np.abs(of_response) ** 2))
 
 
-def _flat(share: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _flat(share: Reals, axis: int) -> Reals:
     return np.moveaxis(share, axis, 0).reshape(share.shape[axis], -1)
 
 
-def _first_is_time(value: NDArray[np.float64], axes: list[str], *, longest_sample: float = 2e-3) -> bool:
+def _first_is_time(value: Reals, axes: list[str], *, longest_sample: float = 2e-3) -> bool:
     """Tell whether the first channel ascends in steps that are those of a time.
 
     `longest_sample`: S, of a first channel that is taken for the time without being called so.

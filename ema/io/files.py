@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from ema.io.measured_function import Unit, parse_unit
 from ema.types.errors import MeasurementError
+from lamella_arrays import Complexes, Reals
 
 
 @contextmanager
@@ -232,9 +232,7 @@ def with_names(file: Path, header: list[list[Code]]) -> tuple[tuple[tuple[Code |
     return tuple((o, i or named[-1]) for o, i in dofs), ["the force's DOF is taken from the file names"]
 
 
-def from_polar(
-    magnitude: NDArray[np.float64], phase: NDArray[np.float64], *, decibel: bool, degrees: bool
-) -> NDArray[np.complex128]:
+def from_polar(magnitude: Reals, phase: Reals, *, decibel: bool, degrees: bool) -> Complexes:
     """Return complex numbers from magnitudes, plain or 20 log10 of them, and phases in degrees or rad."""
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is for the quality check to say
         size = 10.0 ** (magnitude / 20.0) if decibel else magnitude
@@ -242,12 +240,7 @@ def from_polar(
 
 
 def polar_units(
-    titles: tuple[str, str],
-    magnitude: NDArray[np.float64],
-    phase: NDArray[np.float64],
-    guesses: list[str],
-    *,
-    least_of_degrees: float = 60.0,
+    titles: tuple[str, str], magnitude: Reals, phase: Reals, guesses: list[str], *, least_of_degrees: float = 60.0
 ) -> dict[str, str]:
     """Return `magnitude_unit` and `phase_unit` as a campaign file has them, where they are not the usual ones.
 

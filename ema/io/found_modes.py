@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.io.files import dof_name, dofs_in
 from ema.types.errors import MeasurementError
-from lamella_shared import plain_bytes, readonly
+from lamella_arrays import Booleans, Complexes, Integers, Reals, readonly
+from lamella_shared import plain_bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +64,15 @@ class FoundModes:
     """
 
     source: str
-    frequency: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    frequency_std: NDArray[np.float64]
-    damping_std: NDArray[np.float64]
-    shape: NDArray[np.complex128]
-    shape_std: NDArray[np.float64]
-    scaled: NDArray[np.bool_]
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
+    frequency: Reals
+    damping: Reals
+    frequency_std: Reals
+    damping_std: Reals
+    shape: Complexes
+    shape_std: Reals
+    scaled: Booleans
+    node: Integers
+    direction: Reals
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -139,7 +139,7 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
         notes.append(f"{first.source}: {left} components are not in the shapes of all modes; they are left out of all")
     rows = [[rows_of[dof] for dof in common] for rows_of in places]
 
-    def beside(name: str) -> NDArray[np.float64]:
+    def beside(name: str) -> Reals:
         return np.concatenate([getattr(part, name) for part in parts])
 
     return FoundModes(
@@ -172,7 +172,7 @@ class _Table:
     kind: str = ""  # of another program's, "modes" or "shapes"
     notes: tuple[str, ...] = ()
 
-    def numbers(self, name: str, *, blank: bool = False) -> NDArray[np.float64]:
+    def numbers(self, name: str, *, blank: bool = False) -> Reals:
         """Return a column of numbers, NaN where a cell is empty and may be."""
         if name not in self.columns:
             message = f"{self.path}: no column {name!r}; the file has {', '.join(self.columns) or 'no header'}"
@@ -189,7 +189,7 @@ class _Table:
                 raise MeasurementError(message)
         return numbers
 
-    def optional(self, name: str, n: int) -> NDArray[np.float64]:
+    def optional(self, name: str, n: int) -> Reals:
         """Return a column of numbers; NaN where it, or a cell of it, is not there."""
         return self.numbers(name, blank=True) if name in self.columns else np.full(n, np.nan)
 
@@ -277,7 +277,7 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
     return joined([modes])  # which looks for DOFs that stand twice
 
 
-def _poles(table: _Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _poles(table: _Table) -> tuple[Reals, Reals]:
     """Return frequencies, Hz, and damping ratios; NaN where a damping is not stated."""
     frequency = table.numbers("frequency_hz")
     if not frequency.size:
@@ -300,7 +300,7 @@ def _poles(table: _Table) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return frequency, damping
 
 
-def _deviation(table: _Table, name: str, n: int) -> NDArray[np.float64]:
+def _deviation(table: _Table, name: str, n: int) -> Reals:
     """Return standard deviations, NaN where they are not stated."""
     std = table.optional(name, n)
     wrong = np.flatnonzero(std < 0.0)
@@ -310,9 +310,9 @@ def _deviation(table: _Table, name: str, n: int) -> NDArray[np.float64]:
     return np.where(std > 0.0, std, np.nan)
 
 
-def _beside(table: _Table) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.complex128]]:
+def _beside(table: _Table) -> tuple[Integers, Reals, Complexes]:
     """Return points, directions and shapes of the columns that are named as DOFs."""
-    parts: dict[tuple[int, str, str], dict[str, NDArray[np.float64]]] = {}
+    parts: dict[tuple[int, str, str], dict[str, Reals]] = {}
     for name in table.columns:
         if (written := _DOF.fullmatch(name)) is not None:
             node, sign, axis, part = written.groups()
@@ -329,9 +329,7 @@ def _beside(table: _Table) -> tuple[NDArray[np.int64], NDArray[np.float64], NDAr
     return np.array([node for node, _, _ in parts], dtype=np.int64), np.array(direction), np.array(shape)
 
 
-def _apart(
-    table: _Table, n: int, *, largest_node: int = 2**31 - 1
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.complex128]]:
+def _apart(table: _Table, n: int, *, largest_node: int = 2**31 - 1) -> tuple[Integers, Reals, Complexes]:
     """Return points, directions and shapes of a table that has a row for each DOF."""
     number = table.numbers("node")
     odd = np.flatnonzero((number != np.round(number)) | (number < 0) | (number > largest_node))

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.io.files import (
     FORCE,
@@ -43,6 +42,7 @@ from ema.io.rows import (
     titles_of,
     unpacked,
 )
+from lamella_arrays import Reals
 
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (
@@ -347,7 +347,7 @@ def _axis_factor(text: TextTable, axis: int | None, units: str) -> float:
     return 1.0 if match is None else _FACTORS[match[0]]
 
 
-def _axis_keys(axis: NDArray[np.float64], factor: float) -> dict[str, float]:
+def _axis_keys(axis: Reals, factor: float) -> dict[str, float]:
     """Return the keys of an axis in another unit, which is read without its column."""
     rate = rate_of_rounded(axis)
     step = factor / rate if rate else factor * float(np.diff(axis).mean())

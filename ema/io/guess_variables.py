@@ -20,6 +20,7 @@ from ema.io.files import UNKNOWN, Code, Contents, field_of, is_other_ratio, pola
 from ema.io.measured_function import is_uneven
 from ema.io.variables import FIRST_COLUMN, WAYS
 from ema.types.errors import MeasurementError
+from lamella_arrays import Reals
 
 _Arrays = dict[str, NDArray[Any]]
 _FRF = re.compile(
@@ -334,7 +335,7 @@ def _circular(arrays: _Arrays, shape: tuple[int, ...], guesses: list[str]) -> di
     return {}
 
 
-def lone_axis(path: Path, *, matlab: bool) -> NDArray[np.float64] | None:
+def lone_axis(path: Path, *, matlab: bool) -> Reals | None:
     """Return the only array of a file where it is a vector that ascends evenly, as frequencies do; else None."""
     try:
         with arrays_in(path, matlab=matlab) as held:
@@ -347,7 +348,7 @@ def lone_axis(path: Path, *, matlab: bool) -> NDArray[np.float64] | None:
     return axis if np.all(np.diff(axis) > 0.0) and not is_uneven(axis) else None
 
 
-def axis_keys(frequency: NDArray[np.float64]) -> dict[str, float]:
+def axis_keys(frequency: Reals) -> dict[str, float]:
     """Return the keys of even frequencies, Hz: their first and their step."""
     step = (frequency[-1] - frequency[0]) / (frequency.size - 1)
     return {"axis_start": float(f"{frequency[0]:.12g}"), "axis_step": float(f"{step:.12g}")}

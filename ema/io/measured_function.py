@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ema.types.errors import MeasurementError
 from ema.types.frf import Quantity
-from lamella_shared import readonly
+from lamella_arrays import Reals, readonly
 
 Kind = Literal["frf", "coherence", "response", "force", "other"]
 """What a function is: response and force are time histories, "other" (spectra, ...) is read but not used."""
@@ -43,7 +43,7 @@ class MeasuredFunction:
     """
 
     kind: Kind
-    abscissa: NDArray[np.float64]
+    abscissa: Reals
     value: NDArray[Any] = field(repr=False)
     quantity: Quantity | None
     output: tuple[int, int] | None
@@ -91,7 +91,7 @@ def records_in(functions: Channels) -> tuple[tuple[Channels, ...], ...]:
     return ((functions,),)
 
 
-def rate_of_rounded(time: NDArray[np.float64], *, fewest: int = 10, longest: float = 1e9) -> float | None:
+def rate_of_rounded(time: Reals, *, fewest: int = 10, longest: float = 1e9) -> float | None:
     """Return the sampling rate of which times are the rounded ones, Hz; None where there is no such rate.
 
     Rounded times repeat, or come in steps of two sizes. A line through them tells the rate far better than its two
@@ -112,7 +112,7 @@ def rate_of_rounded(time: NDArray[np.float64], *, fewest: int = 10, longest: flo
     return _of_decimals(time) or _of_digits(time) or _of_mixed_digits(time)
 
 
-def _of_decimals(time: NDArray[np.float64]) -> float | None:
+def _of_decimals(time: Reals) -> float | None:
     """Return the rate of times with so many decimals: a line through them, whichever way they are rounded."""
     for decimals in range(_MOST_DIGITS):
         quantum = 10.0**-decimals
@@ -125,7 +125,7 @@ def _of_decimals(time: NDArray[np.float64]) -> float | None:
     return None
 
 
-def _of_digits(time: NDArray[np.float64]) -> float | None:
+def _of_digits(time: Reals) -> float | None:
     """Return the rate of times with so many digits, such as 9.85E-02: each sample bounds it, late ones by less."""
     size = np.abs(time)
     least = size[size > 0].min(initial=1.0)
@@ -142,14 +142,14 @@ def _of_digits(time: NDArray[np.float64]) -> float | None:
     return None
 
 
-def _line(time: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+def _line(time: Reals) -> tuple[float, Reals]:
     """Return the step of a line through times, s, and how far they are off it, s."""
     sample = np.arange(time.size)
     step, start = np.polyfit(sample, time, 1)
     return float(step), time - start - step * sample
 
 
-def is_uneven(time: NDArray[np.float64], *, jitter: float = 0.2) -> bool:
+def is_uneven(time: Reals, *, jitter: float = 0.2) -> bool:
     """Whether samples, (n_sample,), lie farther from even steps than the last digit of printed times lets them.
 
     `jitter`: share of a step; a missing or a doubled sample is more.
@@ -161,7 +161,7 @@ def is_uneven(time: NDArray[np.float64], *, jitter: float = 0.2) -> bool:
     return bool(np.abs(step - step.mean()).max() > jitter * step.mean())
 
 
-def _of_mixed_digits(time: NDArray[np.float64], *, most_off: float = 0.35) -> float | None:
+def _of_mixed_digits(time: Reals, *, most_off: float = 0.35) -> float | None:
     """Return the rate of times with more digits in some rows than in others, which lie about a line without a break.
 
     `most_off`: share of a step by which times of mixed digits lie off the line.
@@ -185,7 +185,7 @@ def _simplest(low: float, high: float) -> float:
     return middle
 
 
-def require_ascending(where: str, what: str, first: int, time: NDArray[np.float64], section: str) -> None:
+def require_ascending(where: str, what: str, first: int, time: Reals, section: str) -> None:
     """Refuse times of which two follow each other that do not ascend, and say which sampling rate they may be of.
 
     Parameters
@@ -214,7 +214,7 @@ def require_ascending(where: str, what: str, first: int, time: NDArray[np.float6
     raise MeasurementError(message + said_of_rounded(time, section))
 
 
-def said_of_rounded(time: NDArray[np.float64], section: str) -> str:
+def said_of_rounded(time: Reals, section: str) -> str:
     """Return what a message adds of times that may be rounded: the rate that they are of, and where to state it."""
     rate = rate_of_rounded(time)
     if rate is None:

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.io.found_modes import FoundModes, are_percent, joined, without_unmeasured
 from ema.io.uff import mass_unit
 from ema.io.uff58 import DataSet, cut
 from ema.types.errors import MeasurementError
 from ema.types.frf import Geometry
+from lamella_arrays import Complexes, Integers
 
 MODE_SETS = ("55", "2414")
 _FUNCTIONS = ("58", "58b")
@@ -165,8 +165,8 @@ def _mode(data_set: DataSet, head: _Header, geometry: Geometry, mass: float, not
 
 
 def _mass_normalised(
-    head: _Header, shape: NDArray[np.complex128], frequency: float, damping: float, mass: float
-) -> tuple[NDArray[np.complex128], bool]:
+    head: _Header, shape: Complexes, frequency: float, damping: float, mass: float
+) -> tuple[Complexes, bool]:
     """Return a shape of unit modal mass where the file states its scale, and whether it does.
 
     The modal A of a shape of unit modal mass is 2 i omega_d, as `write_uff` writes it.
@@ -247,9 +247,7 @@ def _is_complex(data_set: DataSet, form: int) -> bool:
     return form in _COMPLEX
 
 
-def _values(
-    data_set: DataSet, head: _Header, *, largest_node: int = 2**31 - 1
-) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
+def _values(data_set: DataSet, head: _Header, *, largest_node: int = 2**31 - 1) -> tuple[Integers, Complexes]:
     """Return the nodes of a data set and the values at each, (n_node,) and (n_node, n_value)."""
     n_number = head.n_value * (2 if head.is_complex else 1)
     nodes: list[int] = []

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.types.errors import MeasurementError
+from lamella_arrays import Complexes
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 """What separates columns, by its name; None is any amount of blanks and tabs."""
@@ -313,7 +313,7 @@ class TextTable:
     header: list[list[str]]
     n_header: int
     heads: tuple[str, ...]  # the header of each segment; of LabVIEW's text, whose headers name no points, empty
-    value: NDArray[np.complex128]
+    value: Complexes
 
     def title(self, column: int) -> str:
         """All that the header says over a column."""

@@ -29,6 +29,7 @@ from ema.io.rows import (
 )
 from ema.types.errors import MeasurementError
 from ema.types.frf import Geometry
+from lamella_arrays import Integers, Reals
 from lamella_shared import plain_bytes
 
 _BEYOND = "beyond the last column"
@@ -220,7 +221,7 @@ def _record(
 
 def _rows_of_dofs(
     path: Path, layout: TableLayout, rows: list[str], first: int
-) -> dict[tuple[Code | None, Code | None], NDArray[np.int64]]:
+) -> dict[tuple[Code | None, Code | None], Integers]:
     """Return the rows of each pair of output and input, in their order."""
     found: dict[tuple[str, ...], list[int]] = {}
     split = len(layout.output_columns)
@@ -228,7 +229,7 @@ def _rows_of_dofs(
     for k, row in enumerate(rows):
         cells = cells_of(row, layout.delimiter)
         found.setdefault(tuple(cells[c] if c < len(cells) else "" for c in places), []).append(k)
-    of_dofs: dict[tuple[Code | None, Code | None], NDArray[np.int64]] = {}
+    of_dofs: dict[tuple[Code | None, Code | None], Integers] = {}
     for words, at in found.items():
         ends = []
         for columns, of_end in ((layout.output_columns, words[:split]), (layout.input_columns, words[split:])):
@@ -243,9 +244,7 @@ def _rows_of_dofs(
     return of_dofs
 
 
-def _axis(
-    path: Path, layout: TableLayout, table: dict[int, NDArray[Any]], row: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def _axis(path: Path, layout: TableLayout, table: dict[int, NDArray[Any]], row: Integers) -> Reals:
     """Return frequencies or times, which go one way; `row` are the numbers of the rows in the file."""
     if layout.sampling_Hz is not None:
         axis = np.asarray(np.arange(row.size) / layout.sampling_Hz, float)
@@ -268,7 +267,7 @@ def _functions(
     layout: TableLayout,
     columns: tuple[tuple[int, ...], ...],
     table: dict[int, NDArray[Any]],
-    axis: NDArray[np.float64],
+    axis: Reals,
     unit: Unit | None,
 ) -> tuple[MeasuredFunction, ...]:
     functions = []

@@ -17,7 +17,6 @@ from typing import Any, Literal
 
 import numpy as np
 import pyuff
-from numpy.typing import NDArray
 
 from ema.io.files import dofs_in, whole
 from ema.io.measured_function import Kind, MeasuredFunction, Unit, parse_unit
@@ -35,6 +34,7 @@ from ema.io.uff58 import (
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Geometry, Quantity
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Integers, Reals
 
 Dimension = Literal["frequency", "time"]
 _FREQUENCY = {
@@ -127,8 +127,8 @@ class FileUnits:
 class _System:
     """A Cartesian coordinate system: its axes as rows, and its origin, in global coordinates."""
 
-    axes: NDArray[np.float64]
-    origin: NDArray[np.float64]
+    axes: Reals
+    origin: Reals
 
 
 def read_uff_units(path: Path) -> FileUnits | None:
@@ -464,8 +464,8 @@ def _degree(record: Record58, end: str, notes: list[str]) -> tuple[int, int] | N
 
 def _points(parsed: list[tuple[str, dict[str, Any]]], scale: float, none_found: str, notes: list[str]) -> Geometry:
     systems = _systems(parsed)
-    coordinate: dict[int, NDArray[np.float64]] = {}
-    axes: dict[int, NDArray[np.float64]] = {}
+    coordinate: dict[int, Reals] = {}
+    axes: dict[int, Reals] = {}
     unknown: set[int] = set()
     for where, content in parsed:
         if content["type"] not in (15, 2411):
@@ -535,7 +535,7 @@ def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
     return systems
 
 
-def _floats(value: Any) -> NDArray[np.float64]:
+def _floats(value: Any) -> Reals:
     """Return numbers as floats, an integer that is too large for one as an infinite one."""
     try:
         return np.asarray(value, float)
@@ -543,14 +543,14 @@ def _floats(value: Any) -> NDArray[np.float64]:
         return np.full(np.shape(value), np.inf)
 
 
-def _axes(origin: NDArray[np.float64], on_x: NDArray[np.float64], on_xz: NDArray[np.float64]) -> NDArray[np.float64]:
+def _axes(origin: Reals, on_x: Reals, on_xz: Reals) -> Reals:
     """Return axes (not of unit length) from the origin, a point on +x and one in the +xz plane."""
     x = on_x - origin
     y = np.cross(on_xz - origin, x)
     return np.array([x, y, np.cross(x, y)])
 
 
-def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> NDArray[np.int64]:
+def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> Integers:
     """Return the pairs of points joined by trace lines (82) and element edges (2412), once each."""
     pairs: list[tuple[int, int]] = []
     for where, content in parsed:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Reals
 
 Content = bytes | mmap.mmap
 _HEADER_LINES = 11
@@ -105,7 +106,7 @@ class Record58:
 
     where: str
     header: dict[str, Any]
-    abscissa: NDArray[np.float64]
+    abscissa: Reals
     value: NDArray[Any]
     notes: tuple[str, ...]
 
@@ -354,7 +355,7 @@ def _decoded(text: bytes) -> str:
         return text.decode("latin-1")
 
 
-def _even_abscissa(header: dict[str, Any], count: int, data_set: DataSet) -> NDArray[np.float64]:
+def _even_abscissa(header: dict[str, Any], count: int, data_set: DataSet) -> Reals:
     step = header["abscissa increment"]
     if not (np.isfinite(step) and step > 0 and np.isfinite(header["abscissa minimum"])):
         message = f"{data_set.where}: field 'abscissa increment' must be positive for even spacing, found {step}"
@@ -362,9 +363,7 @@ def _even_abscissa(header: dict[str, Any], count: int, data_set: DataSet) -> NDA
     return header["abscissa minimum"] + step * np.arange(count)
 
 
-def _binary_numbers(
-    data_set: DataSet, body: bytes, header: dict[str, Any], per_value: int, notes: list[str]
-) -> NDArray[np.float64]:
+def _binary_numbers(data_set: DataSet, body: bytes, header: dict[str, Any], per_value: int, notes: list[str]) -> Reals:
     description = _fields(data_set.kind_line, _BINARY, "", data_set.where)
     if description["floating-point format"] not in (0, 2):
         message = (
@@ -381,7 +380,7 @@ def _binary_numbers(
         return np.frombuffer(body[: len(body) // size * size], dtype=f"{order}f{size}").astype(float)
 
 
-def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool) -> NDArray[np.float64]:
+def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool) -> Reals:
     """Read the numbers between blanks or, where numbers touch, from the fixed columns of the standard."""
     text = body.replace(b"D", b"E").replace(b"d", b"e")
     numbers = _converted(text.split())
@@ -402,7 +401,7 @@ def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool) -> NDArr
     return numbers
 
 
-def _converted(words: list[bytes]) -> NDArray[np.float64] | None:
+def _converted(words: list[bytes]) -> Reals | None:
     try:
         return np.array(words, dtype="S").astype(float) if words else np.empty(0)
     except ValueError:
@@ -451,7 +450,7 @@ def with_axes_along(geometry: Geometry, *dofs: Dofs) -> Geometry:
     axes = geometry.axes.copy()
     for i, node in enumerate(geometry.node.tolist()):
         directions = np.vstack([there.direction[there.node == node] for there in dofs])
-        different: list[NDArray[np.float64]] = []
+        different: list[Reals] = []
         for direction in directions:
             if all(abs(direction @ other) < 1.0 - _ALONG for other in different):
                 different.append(direction)
@@ -527,7 +526,7 @@ def mode_sets(modal_model: ModalModel, geometry: Geometry) -> list[dict[str, Any
     return sets
 
 
-def _code(geometry: Geometry, node: int, direction: NDArray[np.float64]) -> int:
+def _code(geometry: Geometry, node: int, direction: Reals) -> int:
     codes = (1, 2, 3, -1, -2, -3)
     along = (code for code in codes if np.allclose(geometry.direction(node, code), direction, atol=_ALONG))
     return next(along, 0)

@@ -18,6 +18,7 @@ from ema.io.array_files import ArrayInFile, array, arrays_in
 from ema.io.files import from_polar
 from ema.io.measured_function import MeasuredFunction, Unit
 from ema.types.errors import MeasurementError
+from lamella_arrays import Complexes, Reals
 
 Name = Annotated[str, AfterValidator(lambda name: name.lstrip("/"))]  # HDF5 tools show names from the root
 
@@ -263,7 +264,7 @@ def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout)
 
 def _of_parts(
     path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, keys: tuple[str, ...], names: tuple[str, ...]
-) -> NDArray[np.complex128]:
+) -> Complexes:
     """Return FRFs from two variables, of real and imaginary parts or of magnitudes and phases."""
     first, second = (_block(path, arrays, layout, key, name) for key, name in zip(keys, names, strict=True))
     if first.shape != second.shape or np.iscomplexobj(first) or np.iscomplexobj(second):
@@ -330,9 +331,7 @@ def _two_columns(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: 
     return value
 
 
-def _frequency(
-    path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, frfs: list[_Named]
-) -> NDArray[np.float64]:
+def _frequency(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout, frfs: list[_Named]) -> Reals:
     name, count = frfs[0][0], frfs[0][1].shape[0]
     if layout.frequency is None:
         return layout.axis_start + layout.axis_step * np.arange(count, dtype=np.float64)
@@ -358,7 +357,7 @@ def _frequency(
     return _ascending(where, value.ravel())
 
 
-def _ascending(where: str, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ascending(where: str, frequency: Reals) -> Reals:
     if not np.all(np.diff(frequency) > 0) and not np.all(np.diff(frequency) < 0):
         at = int(np.argmin(np.diff(frequency) > 0)) + 2
         message = f"{where}: value {at}: the frequency does not ascend"
@@ -402,7 +401,7 @@ def _dofs(
     return [(int(p), int(c)) for p, c in zip(points, codes, strict=True)]
 
 
-def _whole(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, count: int) -> NDArray[np.float64]:
+def _whole(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, count: int) -> Reals:
     """Return `count` whole numbers of a variable; one holds for all."""
     value = array(path, arrays, key, name)
     where = f"{path}: variable {name!r} ({key})"

@@ -18,14 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ema.campaign.campaign_file import Reassembly
 from ema.modal.configurations import CLOSE, Modes, clusters, match, shared_dofs, sine
 from ema.modal.mac import comac, mac, modal_scale_factor
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel
-from lamella_shared import arrays
+from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
 
 LEVEL = 0.05
 """Probability that a state is called changed that is not."""
@@ -109,37 +108,37 @@ class Change:
     name: str
     repeats: tuple[str, ...]
     reference: tuple[str, ...]
-    mode: NDArray[np.int64]
-    reference_mode: NDArray[np.int64]
-    frequency: NDArray[np.float64]
-    reference_frequency: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    reference_damping: NDArray[np.float64]
-    frequency_shift: NDArray[np.float64]
-    damping_shift: NDArray[np.float64]
-    frequency_scatter: NDArray[np.float64]
-    damping_scatter: NDArray[np.float64]
-    mac: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    angle_scatter: NDArray[np.float64]
-    probability: NDArray[np.float64]
-    critical_shift: NDArray[np.float64]
-    freedom: NDArray[np.float64]
-    mac_matrix: NDArray[np.float64]
-    matrix_row: NDArray[np.float64]
-    matrix_column: NDArray[np.float64]
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
-    location: NDArray[np.float64]
-    comac: NDArray[np.float64]
-    new_frequency: NDArray[np.float64]
-    gone_frequency: NDArray[np.float64]
-    new_like: NDArray[np.int64]
-    gone_like: NDArray[np.int64]
+    mode: Integers
+    reference_mode: Integers
+    frequency: Reals
+    reference_frequency: Reals
+    damping: Reals
+    reference_damping: Reals
+    frequency_shift: Reals
+    damping_shift: Reals
+    frequency_scatter: Reals
+    damping_scatter: Reals
+    mac: Reals
+    angle: Reals
+    angle_scatter: Reals
+    probability: Reals
+    critical_shift: Reals
+    freedom: Reals
+    mac_matrix: Reals
+    matrix_row: Reals
+    matrix_column: Reals
+    node: Integers
+    direction: Reals
+    location: Reals
+    comac: Reals
+    new_frequency: Reals
+    gone_frequency: Reals
+    new_like: Integers
+    gone_like: Integers
     level: float = LEVEL
 
     @property
-    def which(self) -> NDArray[np.bool_]:
+    def which(self) -> Booleans:
         """Which modes changed in frequency, damping and shape, (n_mode, 3)."""
         return np.asarray(self.probability < self.level)
 
@@ -160,20 +159,20 @@ class _Side:
     its own: two such shapes are as well any others of their plane, as where an identification takes one mode for two.
     """
 
-    frequency: NDArray[np.float64]
-    frequency_noise: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    damping_noise: NDArray[np.float64]
-    shape: NDArray[np.complex128]
-    shape_noise: NDArray[np.float64]
-    overlapping: Sequence[Sequence[NDArray[np.complex128]]]
+    frequency: Reals
+    frequency_noise: Reals
+    damping: Reals
+    damping_noise: Reals
+    shape: Complexes
+    shape_noise: Reals
+    overlapping: Sequence[Sequence[Complexes]]
 
     @property
-    def mean_shape(self) -> NDArray[np.complex128]:
+    def mean_shape(self) -> Complexes:
         """Means of the shapes over the repeats, (n_dof, n_mode)."""
         return np.asarray(np.nanmean(self.shape, axis=0))
 
-    def span(self, group: NDArray[np.int64], repeat: int | None = None) -> NDArray[np.complex128]:
+    def span(self, group: Integers, repeat: int | None = None) -> Complexes:
         """Return what spans the plane of close modes, with those that overlap, in a repeat or in all, (n_dof, any)."""
         shape = self.mean_shape if repeat is None else self.shape[repeat]
         beside = self.overlapping if repeat is None else [self.overlapping[repeat]]
@@ -237,7 +236,7 @@ def change(
     )
 
 
-def _shared(states: Sequence[ModalModel], references: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
+def _shared(states: Sequence[ModalModel], references: Sequence[ModalModel]) -> tuple[Integers, ...]:
     """Return the positions of the DOFs that all have, of the references first."""
     if not states or not references:
         raise IdentificationError("change: give at least one modal model of the state and one of its reference")
@@ -251,12 +250,8 @@ def _shared(states: Sequence[ModalModel], references: Sequence[ModalModel]) -> t
 
 
 def _tests(
-    before: _Side,
-    after: _Side,
-    stated: Reassembly,
-    reference: tuple[NDArray[np.float64], NDArray[np.int64]],
-    level: float,
-) -> dict[str, NDArray[np.float64]]:
+    before: _Side, after: _Side, stated: Reassembly, reference: tuple[Reals, Integers], level: float
+) -> dict[str, Reals]:
     """Return what a `Change` holds of the modes that were matched, by its names; see `_angles` for `reference`."""
     shift, scatter, freedom = _shift(
         (after.frequency, after.frequency_noise), (before.frequency, before.frequency_noise), stated.frequency
@@ -292,7 +287,7 @@ def _tests(
     }
 
 
-def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes: NDArray[np.int64]) -> _Side:
+def _side(models: Sequence[ModalModel], dofs: Sequence[Integers], modes: Integers) -> _Side:
     """Collect modes of the first of some repeats, and the same ones of the others."""
     first = models[0].shape[dofs[0]][:, modes]
     values = np.full((5, len(models), modes.size), np.nan)
@@ -326,9 +321,7 @@ def _side(models: Sequence[ModalModel], dofs: Sequence[NDArray[np.int64]], modes
     )
 
 
-def _overlapping(
-    model: ModalModel, dofs: NDArray[np.int64], modes: NDArray[np.int64], partner: Mapping[int, int]
-) -> list[NDArray[np.complex128]]:
+def _overlapping(model: ModalModel, dofs: Integers, modes: Integers, partner: Mapping[int, int]) -> list[Complexes]:
     """Return of each of some modes the shapes of those without a partner whose half-power bands overlap with its own.
 
     `partner` tells which mode of the model each of `modes` is, where it is any.
@@ -343,11 +336,7 @@ def _overlapping(
     return found
 
 
-def _shift(
-    after: tuple[NDArray[np.float64], NDArray[np.float64]],
-    before: tuple[NDArray[np.float64], NDArray[np.float64]],
-    stated: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _shift(after: tuple[Reals, Reals], before: tuple[Reals, Reals], stated: float) -> tuple[Reals, Reals, Reals]:
     """Return the shift of each mode, its standard deviation, and the degrees of freedom of repeats behind it.
 
     Both sides are logarithms and the variances that noise leaves in them, (n_repeat, n_mode). What is stated is the
@@ -369,13 +358,8 @@ def _shift(
 
 
 def _angles(
-    after: _Side,
-    before: _Side,
-    stated: Reassembly,
-    reference: tuple[NDArray[np.float64], NDArray[np.int64]],
-    *,
-    closest: float = 1e-3,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    after: _Side, before: _Side, stated: Reassembly, reference: tuple[Reals, Integers], *, closest: float = 1e-3
+) -> tuple[Reals, Reals]:
     """Return the angle between the shapes of each mode, or the planes of close ones, and its expected sine, (n_mode,).
 
     A relative change of stiffness by sigma moves a frequency by sigma / sqrt(2), and mixes a share
@@ -411,7 +395,7 @@ def _angles(
     return angle, np.sqrt(variance * max(1.0, float(np.mean(seen)) if seen else 1.0))
 
 
-def _planes(first: NDArray[np.float64], second: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+def _planes(first: Reals, second: Reals) -> list[Integers]:
     """Group modes that are close in either of two states."""
     number = np.arange(first.size)
     for group in (*clusters(first), *clusters(second)):
@@ -419,7 +403,7 @@ def _planes(first: NDArray[np.float64], second: NDArray[np.float64]) -> list[NDA
     return [np.flatnonzero(number == k) for k in np.unique(number)]
 
 
-def _adjusted(tail: NDArray[np.float64]) -> NDArray[np.float64]:
+def _adjusted(tail: Reals) -> Reals:
     """Adjust probabilities (n_mode, 3) for their number, so that each can be judged at the level of all (Holm)."""
     weight = np.broadcast_to(_WEIGHT / max(len(tail), 1), tail.shape).ravel()
     single = np.nan_to_num(tail.ravel(), nan=1.0)
@@ -438,7 +422,7 @@ def _only(
     other_modes: Sequence[Modes],
     *,
     edge: float = 0.02,
-) -> NDArray[np.int64]:
+) -> Integers:
     """Return numbers of modes that all repeats of one side have and none of the other, well within all bands.
 
     `edge`: share of a band's ends within which a mode may be missed.
@@ -454,9 +438,7 @@ def _only(
     return np.flatnonzero(kept & (first[0] > lower) & (first[0] < upper))
 
 
-def _like(
-    modes: Modes, single: NDArray[np.int64], matched: NDArray[np.int64], number: NDArray[np.int64], *, twin: float = 0.8
-) -> NDArray[np.int64]:
+def _like(modes: Modes, single: Integers, matched: Integers, number: Integers, *, twin: float = 0.8) -> Integers:
     """Return for modes without a partner the number of the matched mode that is close by and has their shape, or -1.
 
     `twin`: MAC of a mode with its neighbour from which it is that one twice.
@@ -474,7 +456,7 @@ def _like(
     return likeliest
 
 
-def _places(model: ModalModel, dofs: NDArray[np.int64]) -> NDArray[np.float64]:
+def _places(model: ModalModel, dofs: Integers) -> Reals:
     """Return where DOFs of a model are, m, (n_dof, 3); NaN of points without coordinates."""
     where = dict(zip(model.geometry.node.tolist(), model.geometry.coordinate, strict=True))
     return np.array([where.get(n, np.full(3, np.nan)) for n in model.node[dofs].tolist()]).reshape(-1, 3)

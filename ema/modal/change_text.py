@@ -7,9 +7,9 @@ import io
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.modal.change import KINDS, Change
+from lamella_arrays import Integers, Reals
 
 _COLUMNS = (
     "mode", "reference_mode", "frequency_Hz", "reference_frequency_Hz", "frequency_shift", "frequency_scatter",
@@ -67,7 +67,7 @@ def _unchanged(change: Change) -> str:
     )
 
 
-def _seen(change: Change, which: NDArray[np.int64]) -> str:
+def _seen(change: Change, which: Integers) -> str:
     """Write the shift of a frequency that would be called a change, in the median of some modes."""
     return _percent(float(np.expm1(np.median(change.critical_shift[which]))))
 
@@ -125,7 +125,7 @@ def _scatter(change: Change) -> str:
     return "the scatter that reassembly and noise bring"
 
 
-def _modes(change: Change, which: NDArray[np.int64]) -> str:
+def _modes(change: Change, which: Integers) -> str:
     numbers = [str(r + 1) for r in change.reference_mode[which]]
     return f"{'mode' if which.size == 1 else 'modes'} {_list(numbers)}"
 
@@ -134,12 +134,12 @@ def _list(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _range(size: NDArray[np.float64]) -> str:
+def _range(size: Reals) -> str:
     lower, upper = (_two(100.0 * s) for s in (size.min(), size.max()))
     return f"{upper} %" if lower == upper else f"{lower} to {upper} %"
 
 
-def _between(times: NDArray[np.float64]) -> str:
+def _between(times: Reals) -> str:
     lower, upper = (_two(t) for t in (times.min(), times.max()))
     return upper if lower == upper else f"{lower} to {upper}"
 

@@ -21,12 +21,12 @@ from typing import Literal
 import numpy as np
 import scipy
 import scipy.linalg as la
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ema.campaign.campaign import Configuration
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
-from lamella_shared import arrays
+from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,11 +49,11 @@ class Repeats:
     """
 
     name: tuple[str, ...]
-    frequency: NDArray[np.float64]
-    scatter: NDArray[np.float64]
-    stated: NDArray[np.float64]
-    damping_scatter: NDArray[np.float64]
-    damping_stated: NDArray[np.float64]
+    frequency: Reals
+    scatter: Reals
+    stated: Reals
+    damping_scatter: Reals
+    damping_stated: Reals
 
     @property
     def finding(self) -> str:
@@ -102,7 +102,7 @@ def repeats(configurations: Sequence[Configuration], comparison: Comparison) -> 
     return tuple(_compared(comparison, np.array(group)) for group in groups.values() if len(group) > 1)
 
 
-def _compared(comparison: Comparison, group: NDArray[np.int64]) -> Repeats:
+def _compared(comparison: Comparison, group: Integers) -> Repeats:
     shared = np.count_nonzero(np.isfinite(comparison.frequency[group]), axis=0) > 1
     cells = np.ix_(group, shared)
     return Repeats(
@@ -283,12 +283,12 @@ def _sensor_changed(
                 )
 
 
-def _ratio(one: NDArray[np.complex128], other: NDArray[np.complex128], of: NDArray[np.bool_]) -> NDArray[np.complex128]:
+def _ratio(one: Complexes, other: Complexes, of: Booleans) -> Complexes:
     """Return for each mode what constants at some components are over others, by least squares."""
     return np.asarray(np.sum(one[of].conj() * other[of], axis=0) / np.sum(np.abs(one[of]) ** 2, axis=0))
 
 
-def _ratios(first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _ratios(first: ModalModel, other: ModalModel, frequency: Reals) -> Complexes:
     """Return for each mode in common what the modal constants of a model are over those of the first."""
     constants = _constants(first, other, frequency)
     return (
@@ -298,9 +298,7 @@ def _ratios(first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]
     )
 
 
-def _constants(
-    first: ModalModel, other: ModalModel, frequency: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.int64]] | None:
+def _constants(first: ModalModel, other: ModalModel, frequency: Reals) -> tuple[Complexes, Complexes, Integers] | None:
     """Return the modal constants of the modes in common at shared DOFs, and the sensor of each; None without any.
 
     The modal constant ``2 i omega_d A`` of a real mode of unit modal mass is ``phi_o phi_i`` (Ewins, Modal Testing,
@@ -348,11 +346,11 @@ class Comparison:
     """
 
     name: tuple[str, ...]
-    frequency: NDArray[np.float64]
-    frequency_std: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    damping_std: NDArray[np.float64]
-    mac: NDArray[np.float64]
+    frequency: Reals
+    frequency_std: Reals
+    damping: Reals
+    damping_std: Reals
+    mac: Reals
 
 
 def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparison:
@@ -389,7 +387,7 @@ def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparis
                 taken.add(int(r))
         tracks += [{c: (r, 1.0)} for r in range(model.frequency.size) if r not in taken]
 
-    def table(name: str) -> NDArray[np.float64]:
+    def table(name: str) -> Reals:
         matched = np.full((len(models), len(tracks)), np.nan)
         for t, track in enumerate(tracks):
             for c, (r, _) in track.items():
@@ -413,7 +411,7 @@ def compare(models: Sequence[ModalModel], *, threshold: float = 0.8) -> Comparis
 
 def _likeness_of_mode(
     first: ModalModel, mode: int, second: ModalModel, *, near_by_shape: float = 0.1
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Reals, Reals]:
     """MAC ``(n_mode,)`` of one mode with those of another model over the DOFs that both have, and its use as a score.
 
     The score is 0 without a shared DOF; over few of them it falls with the distance of the frequencies.
@@ -436,14 +434,14 @@ def _key(model: ModalModel, k: int) -> tuple[float, ...]:
     return (int(model.node[k]), *np.round(model.direction[k], 6).tolist())
 
 
-Modes = tuple[NDArray[np.float64], NDArray[np.complex128]]
+Modes = tuple[Reals, Complexes]
 """Natural frequencies, Hz, (n_mode,), and shapes, (n_dof, n_mode)."""
 CLOSE = 0.03
 """Relative gap of neighbouring frequencies below which modes are taken as a plane: a change of 6 % in stiffness closes
 it."""
 
 
-def shared_dofs(models: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
+def shared_dofs(models: Sequence[ModalModel]) -> tuple[Integers, ...]:
     """Return for each model the positions of the DOFs that all of them have, in the order of the first."""
     places = [{_dof(model, k): k for k in range(model.node.size)} for model in models]
     common = [key for key in places[0] if all(key in other for other in places)]
@@ -452,7 +450,7 @@ def shared_dofs(models: Sequence[ModalModel]) -> tuple[NDArray[np.int64], ...]:
 
 def match(
     first: Modes, second: Modes, *, alike: float = 0.5, width: float = 0.2, far: float = 0.7, near: float = 0.1
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[Integers, Integers]:
     """Match the modes of two states.
 
     Parameters
@@ -488,7 +486,7 @@ def match(
     return rows[matched].astype(np.int64), columns[matched].astype(np.int64)
 
 
-def clusters(frequency: ArrayLike, close: float = CLOSE) -> tuple[NDArray[np.int64], ...]:
+def clusters(frequency: ArrayLike, close: float = CLOSE) -> tuple[Integers, ...]:
     """Split modes into clusters whose neighbours lie less than a relative gap apart.
 
     Parameters
@@ -511,7 +509,7 @@ def clusters(frequency: ArrayLike, close: float = CLOSE) -> tuple[NDArray[np.int
     return tuple(part.astype(np.int64) for part in np.split(order, np.flatnonzero(apart) + 1) if part.size)
 
 
-def sine(first: NDArray[np.complex128], second: NDArray[np.complex128], n: int) -> float:
+def sine(first: Complexes, second: Complexes, n: int) -> float:
     """Return the sine of the largest angle between the spans of two sets of shapes, (n_dof, any).
 
     `n`: how many shapes of each are to be the same, whatever the spans have beside.
@@ -519,14 +517,14 @@ def sine(first: NDArray[np.complex128], second: NDArray[np.complex128], n: int) 
     return float(np.sin(la.subspace_angles(first, second)[-n]))  # they descend
 
 
-def _likeness(first: Modes, second: Modes) -> NDArray[np.float64]:
+def _likeness(first: Modes, second: Modes) -> Reals:
     """MAC of every two modes; of close ones at least most of what lies in the plane of their neighbours."""
     value = mac(first[1], second[1])
     planes = np.minimum(_in_planes(first, second[1]), _in_planes(second, first[1]).T)
     return np.maximum(value, 0.9 * planes)
 
 
-def _in_planes(state: Modes, shape: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _in_planes(state: Modes, shape: Complexes) -> Reals:
     """Share of other shapes that lies in the plane of each mode with its close neighbours, (n_mode, n_other).
 
     It is 0 of a mode that has none: its MAC says it all.

@@ -21,9 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.quality.verdict import Verdict
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Booleans, Complexes, Reals
 
 
-def mac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+def mac(a: ArrayLike, b: ArrayLike) -> Reals:
     """Modal assurance criterion ``|a_i^H b_j|**2 / (a_i^H a_i b_j^H b_j)``.
 
     Parameters
@@ -48,7 +49,7 @@ def mac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
     return cross / np.outer(_squares("a", first), _squares("b", second))
 
 
-def modal_scale_factor(a: ArrayLike, b: ArrayLike) -> NDArray[np.complex128]:
+def modal_scale_factor(a: ArrayLike, b: ArrayLike) -> Complexes:
     """Least-squares factors (MSF) that scale each shape of `a` to its partner in `b`: ``a^H b / a^H a``.
 
     Both are ``(n_dof, n_mode)``; the result is ``(n_mode,)`` complex.
@@ -59,7 +60,7 @@ def modal_scale_factor(a: ArrayLike, b: ArrayLike) -> NDArray[np.complex128]:
     return np.sum(first.conj() * second, axis=0) / _squares("a", first)
 
 
-def comac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+def comac(a: ArrayLike, b: ArrayLike) -> Reals:
     """Coordinate modal assurance criterion of paired shapes ``(n_dof, n_mode)``: one value per DOF.
 
     Each pair is brought to the same scale first, since the criterion compares magnitudes DOF by DOF.
@@ -74,7 +75,7 @@ def comac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
     return np.divide(cross, product, out=np.ones_like(cross), where=product > 0.0)
 
 
-def mpc(shape: ArrayLike) -> NDArray[np.float64]:
+def mpc(shape: ArrayLike) -> Reals:
     """Modal phase collinearity ``|phi^T phi|**2 / (phi^H phi)**2`` of each column: 1 for a real mode.
 
     This is the form about the origin, so that a rigid translation has a value too.
@@ -83,12 +84,12 @@ def mpc(shape: ArrayLike) -> NDArray[np.float64]:
     return np.abs(np.sum(phi**2, axis=0)) ** 2 / _squares("shape", phi) ** 2
 
 
-def mcf(shape: ArrayLike) -> NDArray[np.float64]:
+def mcf(shape: ArrayLike) -> Reals:
     """Modal complexity factor of each column: 0 for a real mode, 1 for one of circular phase; ``1 - MPC``."""
     return 1.0 - mpc(shape)
 
 
-def mpd(shape: ArrayLike) -> NDArray[np.float64]:
+def mpd(shape: ArrayLike) -> Reals:
     """Mean phase deviation of each column from its own line of best fit, rad, weighted by magnitude."""
     phi = _shapes("shape", shape)
     angle = line_angle(phi)
@@ -99,7 +100,7 @@ def mpd(shape: ArrayLike) -> NDArray[np.float64]:
     return np.sum(magnitude * np.arccos(np.clip(cosine, 0.0, 1.0)), axis=0) / np.sum(magnitude, axis=0)
 
 
-def real_shape(shape: ArrayLike) -> NDArray[np.float64]:
+def real_shape(shape: ArrayLike) -> Reals:
     """Real modes that correlate best with complex ones: each turned to its best line, real part, norm kept.
 
     The turning maximises the norm of the real part (Ahmadian, Gladwell and Ismail, J. Vib. Acoust. 117,
@@ -110,7 +111,7 @@ def real_shape(shape: ArrayLike) -> NDArray[np.float64]:
     return turned * np.linalg.norm(phi, axis=0) / np.linalg.norm(turned, axis=0)
 
 
-def cmif(value: ArrayLike) -> NDArray[np.float64]:
+def cmif(value: ArrayLike) -> Reals:
     """Complex mode indicator function: singular values of the FRF matrix, line by line.
 
     Parameters
@@ -126,7 +127,7 @@ def cmif(value: ArrayLike) -> NDArray[np.float64]:
     return np.linalg.svd(matrix.transpose(2, 0, 1), compute_uv=False).T
 
 
-def frac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+def frac(a: ArrayLike, b: ArrayLike) -> Reals:
     """Frequency response assurance criterion ``|sum a b*|**2 / (sum |a|**2 sum |b|**2)`` over the last axis.
 
     Functions that are zero on either side have the value 0.
@@ -144,14 +145,14 @@ def _shapes(name: str, shape: ArrayLike) -> NDArray[Any]:
     return array
 
 
-def _squares(name: str, shape: NDArray[Any]) -> NDArray[np.float64]:
+def _squares(name: str, shape: NDArray[Any]) -> Reals:
     square = np.sum(np.abs(shape) ** 2, axis=0)
     if not np.all(square > 0.0):
         raise ValueError(f"{name}: shape {int(np.flatnonzero(~(square > 0.0))[0])} is zero or not a number")
     return square
 
 
-def line_angle(shape: NDArray[Any]) -> NDArray[np.float64]:
+def line_angle(shape: NDArray[Any]) -> Reals:
     """Phase of the line through the origin that fits each column best, towards its largest component."""
     angle = 0.5 * np.angle(np.sum(np.asarray(shape, dtype=complex) ** 2, axis=0))
     largest = shape[np.argmax(np.abs(shape), axis=0), np.arange(shape.shape[1])]
@@ -182,14 +183,14 @@ class Complexity:
         Modal complexity factor that the stated standard deviations alone would give a real mode, in the mean.
     """
 
-    mpc: NDArray[np.float64]
-    mpd: NDArray[np.float64]
-    mcf: NDArray[np.float64]
-    phase_scatter: NDArray[np.float64]
-    by_noise: NDArray[np.float64]
+    mpc: Reals
+    mpd: Reals
+    mcf: Reals
+    phase_scatter: Reals
+    by_noise: Reals
 
     @property
-    def is_complex(self) -> NDArray[np.bool_]:
+    def is_complex(self) -> Booleans:
         """Which modes are too complex to be compared as real."""
         return self.mpc < LEAST_MPC
 

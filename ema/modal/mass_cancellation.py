@@ -16,12 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+
+from lamella_arrays import Booleans, Integers, Reals
 
 _LOG = logging.getLogger(__name__)
 
 
-def yielding_beyond(shape: NDArray[np.float64], square: NDArray[np.float64]) -> NDArray[np.float64]:
+def yielding_beyond(shape: Reals, square: Reals) -> Reals:
     """Return what modes above the band are thought to yield at a sensor per unit force at each mode, m/N, (n_mode,).
 
     They go on as far apart as those of the band are, and are felt as they are: the sum of phi**2 / (lambda_s - lambda).
@@ -33,7 +34,7 @@ def yielding_beyond(shape: NDArray[np.float64], square: NDArray[np.float64]) -> 
     return np.asarray(np.mean(shape**2) * np.sum(1.0 / (above[:, None] ** 2 - square), axis=0))
 
 
-def moved_by_beyond(square: NDArray[np.float64], lost: NDArray[np.float64]) -> NDArray[np.float64]:
+def moved_by_beyond(square: Reals, lost: Reals) -> Reals:
     """Return what the next modes beyond both ends of the band may move the frequencies by, as shares of them.
 
     To second order a mode s moves the squared frequency of a mode r by its share m**2 phi_r**2 phi_s**2 /
@@ -54,7 +55,7 @@ def moved_by_beyond(square: NDArray[np.float64], lost: NDArray[np.float64]) -> N
     return np.asarray(0.5 * lost * lost.mean() * np.sum(1.0 / near, axis=0))
 
 
-def loaded(square: NDArray[np.float64], shape: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def loaded(square: Reals, shape: Reals) -> tuple[Reals, Reals]:
     """Return the modes of a structure with masses on it; of many at once, along leading axes.
 
     Parameters
@@ -82,7 +83,7 @@ def loaded(square: NDArray[np.float64], shape: NDArray[np.float64]) -> tuple[NDA
     return np.take_along_axis(value, places, axis=-1), turn * sign[..., None, :]
 
 
-def _places(size: NDArray[np.float64]) -> NDArray[np.int64]:
+def _places(size: Reals) -> Integers:
     """Return for each row of square matrices, (..., n, n), a column of its own, so that the sum there is largest."""
     n = size.shape[-1]
     every = size.reshape(-1, n, n)
@@ -92,9 +93,7 @@ def _places(size: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.asarray(place.reshape(size.shape[:-1]))
 
 
-def yielding(
-    pair: NDArray[np.int64], size: NDArray[np.float64], flexibility: NDArray[np.float64], *, most_yielding: float = 0.5
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def yielding(pair: Integers, size: Reals, flexibility: Reals, *, most_yielding: float = 0.5) -> tuple[Reals, Reals]:
     """Return by what sensors move more than the modes of the band have them move, for modes above it let points yield.
 
     With flexibilities R between them the masses m move by the inverse of I - omega**2 m R, and modes feel m times
@@ -161,15 +160,15 @@ class RovedModes:
         Standard deviation of the shape at the force; None where it is as certain as the shapes.
     """
 
-    frequency: NDArray[np.float64]
-    std: NDArray[np.float64]
-    shape: NDArray[np.float64]
-    run: NDArray[np.int64]
-    drive: NDArray[np.float64]
+    frequency: Reals
+    std: Reals
+    shape: Reals
+    run: Integers
+    drive: Reals
     drive_run: int | None
-    rest: NDArray[np.float64] | None = None
+    rest: Reals | None = None
     drive_output: int | None = None
-    drive_std: NDArray[np.float64] | None = None
+    drive_std: Reals | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -196,17 +195,17 @@ class BareModes:
         tell: what mass explains without the help of shapes that are moved for it.
     """
 
-    frequency: NDArray[np.float64]
-    frequency_std: NDArray[np.float64]
-    shape: NDArray[np.float64]
-    load: NDArray[np.float64]
-    load_std: NDArray[np.float64]
-    off: NDArray[np.float64]
-    off_as_measured: NDArray[np.float64]
+    frequency: Reals
+    frequency_std: Reals
+    shape: Reals
+    load: Reals
+    load_std: Reals
+    off: Reals
+    off_as_measured: Reals
 
 
 def without_sensors(
-    modes: RovedModes, load: NDArray[np.float64] | None, *, least_gain: float = 1e-7, rough_gain: float = 1e-4
+    modes: RovedModes, load: Reals | None, *, least_gain: float = 1e-7, rough_gain: float = 1e-4
 ) -> BareModes:
     """Return the modes that the structure has without the sensors of any run.
 
@@ -235,8 +234,8 @@ def without_sensors(
 
 
 def _fitted(
-    problem: _Problem, x: NDArray[np.float64], least_gain: float, *, max_step: int = 100, converged: float = 1e-11
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    problem: _Problem, x: Reals, least_gain: float, *, max_step: int = 100, converged: float = 1e-11
+) -> tuple[Reals, Reals, Reals]:
     """Return the vector of least misfit near another, its covariance, and its misfit.
 
     `converged`: relative change of the unknowns.
@@ -289,16 +288,16 @@ class _Problem:
     """
 
     modes: RovedModes
-    given: NDArray[np.float64]
-    sought: NDArray[np.float64]
-    rough: NDArray[np.float64]
-    rough_shape: NDArray[np.float64]
-    unit: NDArray[np.float64]
-    size: NDArray[np.float64]
-    pair: NDArray[np.int64]
+    given: Reals
+    sought: Reals
+    rough: Reals
+    rough_shape: Reals
+    unit: Reals
+    size: Reals
+    pair: Integers
 
     @classmethod
-    def of(cls, modes: RovedModes, load: NDArray[np.float64] | None) -> _Problem:
+    def of(cls, modes: RovedModes, load: Reals | None) -> _Problem:
         """Lay out the unknowns for loads as `without_sensors` takes them."""
         # Standard deviation of shapes, relative to their root mean square, where they are weighed against frequencies.
         shape_std = 2e-3
@@ -331,13 +330,13 @@ class _Problem:
         )
 
     @property
-    def rows(self) -> NDArray[np.int64]:
+    def rows(self) -> Integers:
         """First row of the misfit of each run, and the one after the last, (n_run + 1,)."""
         n_run, n_mode = self.rough.shape
         count = [np.count_nonzero(self.modes.run == k) + (self.modes.drive_run == k) for k in range(n_run)]
         return np.asarray(n_mode * np.cumsum([0, *(1 + n for n in count)]), dtype=np.int64)
 
-    def parts(self, x: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def parts(self, x: Reals) -> list[Reals]:
         """Return squared frequencies, loads, shape at the force, flexibilities and shapes of vectors (..., n_unknown).
 
         What is returned has the leading axes of the vectors.
@@ -354,7 +353,7 @@ class _Problem:
             shape.reshape(*x.shape[:-1], *self.modes.shape.shape),
         ]
 
-    def starts(self) -> list[NDArray[np.float64]]:
+    def starts(self) -> list[Reals]:
         """Return first guesses: what was measured, as if loads had changed no shape, and with the scale of the shifts.
 
         At a node of a mode, the driving point says little of its scale; the shifts from run to run tell it to first
@@ -371,12 +370,12 @@ class _Problem:
         scale = np.clip(np.sqrt(ratio), 1.0 / most_scaled, most_scaled)
         return [self._start(np.ones(load.size)), self._start(scale)]
 
-    def _first(self) -> NDArray[np.float64]:
+    def _first(self) -> Reals:
         """Return the first guess of the loads that are sought, by mode, (n_mode,)."""
         n_mode = self.rough.shape[1]
         return np.asarray(self.sought @ self.size[n_mode : n_mode + self.sought.shape[1]])
 
-    def _start(self, scale: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _start(self, scale: Reals) -> Reals:
         """Return the first guess with the shape of each mode scaled, and that at the force by the inverse."""
         n_run, n_mode = self.rough.shape
         shape = self.modes.shape * scale
@@ -388,7 +387,7 @@ class _Problem:
         drive = self.modes.drive / scale if self.modes.drive_run is not None else np.zeros(0)
         return np.concatenate([np.log(square), first, drive, np.zeros(len(self.pair)), shape.reshape(-1)])
 
-    def limited(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def limited(self, x: Reals) -> Reals:
         """Return a vector with loads that are no less than nothing and not beyond what modes of the band can tell."""
         n_mode, n_load = self.sought.shape
         most = _HEAVIEST / np.maximum(np.sum(self.modes.shape**2, axis=0) / len(self.rough), 1e-300)
@@ -398,12 +397,12 @@ class _Problem:
         limited[loads] = np.clip(x[loads], 1e-9 * self.size[loads], bound)
         return limited
 
-    def misfit(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def misfit(self, x: Reals) -> Reals:
         """Return what a structure misses of the runs, and of what flexibilities are thought to be, over its size."""
         runs = [self._run(k, x[None])[0] for k in range(len(self.rough))]
         return np.concatenate([*runs, self._prior(x[None])[0]])
 
-    def rough_shapes(self, rows: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def rough_shapes(self, rows: Booleans) -> Reals:
         """Return the standard deviations of the shapes of a run, (n_own, n_mode)."""
         each = np.tile(self.rough_shape, (int(np.count_nonzero(rows)), 1))
         if self.modes.drive_std is not None:
@@ -411,13 +410,13 @@ class _Problem:
             each[at_force] = np.hypot(self.rough_shape, self.modes.drive_std)
         return each
 
-    def _prior(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _prior(self, x: Reals) -> Reals:
         """Return what flexibilities of vectors, (n, n_unknown), are off from what they are thought to be."""
         beyond, diagonal = self.parts(x)[3], self.pair[:, 1] == self.pair[:, 2]
         mean = beyond[:, diagonal].mean(axis=1, keepdims=True)
         return np.concatenate([mean, (beyond - np.where(diagonal, mean, 0.0)) / _UNEVEN], axis=1)
 
-    def _run(self, k: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _run(self, k: int, x: Reals) -> Reals:
         """Return what vectors, (n, n_unknown), miss of the frequencies, modal constants and driving point of a run."""
         # Factor by which sensors may change the shape at the force: next to its nodes nothing more is seen.
         most_at_force = 10.0
@@ -450,7 +449,7 @@ class _Problem:
             off.append((there - modes.drive) / np.hypot(self.rough_shape, std))
         return np.concatenate(off, axis=1)
 
-    def jacobian(self, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    def jacobian(self, x: Reals, misfit: Reals) -> Reals:
         """Return the derivatives of the misfit; a shape or flexibility of one run concerns that run alone."""
         difference = 1e-6  # of an unknown, for derivatives
         n_mode, rows = self.rough.shape[1], self.rows
@@ -466,14 +465,14 @@ class _Problem:
         return np.asarray(matrix / (difference * self.size))
 
 
-def _off(problem: _Problem, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+def _off(problem: _Problem, misfit: Reals) -> Reals:
     """Return the part of a misfit that squared frequencies are off by, as shares, (n_run, n_mode)."""
     n_mode = problem.rough.shape[1]
     rough = np.where(np.isfinite(problem.rough), problem.rough, 0.0)
     return np.asarray(-np.array([misfit[row : row + n_mode] for row in problem.rows[:-1]]) * rough)
 
 
-def _as_measured(problem: _Problem, x: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+def _as_measured(problem: _Problem, x: Reals, misfit: Reals) -> Reals:
     """Return a vector with its shapes moved by what their modal constants miss of those measured."""
     n_mode = problem.rough.shape[1]
     moved = x.copy()
@@ -486,9 +485,7 @@ def _as_measured(problem: _Problem, x: NDArray[np.float64], misfit: NDArray[np.f
     return moved
 
 
-def _result(
-    problem: _Problem, x: NDArray[np.float64], covariance: NDArray[np.float64], misfit: NDArray[np.float64]
-) -> BareModes:
+def _result(problem: _Problem, x: Reals, covariance: Reals, misfit: Reals) -> BareModes:
     """Return the modes of a vector and, from its covariance, their standard deviations."""
     n_mode = problem.rough.shape[1]
     square, load, _, _, shape = problem.parts(x)
@@ -515,7 +512,7 @@ def _result(
     )
 
 
-def _pairs(run: NDArray[np.int64], n_run: int, *, few_sensors: int = 4) -> NDArray[np.int64]:
+def _pairs(run: Integers, n_run: int, *, few_sensors: int = 4) -> Integers:
     """Return run and sensors, by their place in it, between which there are flexibilities; with many, each alone.
 
     `few_sensors`: sensors of a run up to which it counts that a force at one lets the point of another yield.
@@ -527,7 +524,7 @@ def _pairs(run: NDArray[np.int64], n_run: int, *, few_sensors: int = 4) -> NDArr
     return np.array(pairs, dtype=np.int64).reshape(-1, 3)
 
 
-def _first_load(modes: RovedModes, sought: NDArray[np.float64]) -> NDArray[np.float64]:
+def _first_load(modes: RovedModes, sought: Reals) -> Reals:
     """Return the loads that shifts tell to first order, (n_load,), more than nothing."""
     weight = modes.std**-2.0 * modes.frequency**2
     shift = np.log(modes.frequency / np.average(modes.frequency, axis=0, weights=weight))

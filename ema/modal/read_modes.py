@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration
 from ema.campaign.campaign_file import format_of
@@ -19,6 +18,7 @@ from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import Dof, Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Booleans, Complexes, Reals
 
 FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01
 USUAL = ModesStd(frequency=FREQUENCY_STD, damping=DAMPING_STD, shape=SHAPE_STD)
@@ -230,9 +230,7 @@ def completed(modes: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> Foun
     )
 
 
-def _residues(
-    outputs: Dofs, inputs: Dofs, pole: NDArray[np.complex128], shape: NDArray[np.complex128], scaled: NDArray[np.bool_]
-) -> NDArray[np.complex128]:
+def _residues(outputs: Dofs, inputs: Dofs, pole: Complexes, shape: Complexes, scaled: Booleans) -> Complexes:
     """Return residues (n_output, 1, n_mode) of mass-normalised shapes, ``phi_o phi_i / (2 i omega_d)``, else zero."""
     residue = np.zeros((*shape.shape[:1], 1, shape.shape[1]), dtype=complex)
     for output, _, sign in driving_points(outputs, inputs)[:1]:
@@ -249,7 +247,7 @@ def _at(force: Dof | None, *, nowhere: int = 0) -> Dofs:
     return Dofs(node=np.array([dof.node]), direction=np.array([dof.direction]))
 
 
-def _covariance(known: FoundModes) -> NDArray[np.float64]:
+def _covariance(known: FoundModes) -> Reals:
     """Return the covariance of Re and Im of each pole, (rad/s)**2, to first order; modes are independent."""
     frequency, damping = known.frequency, known.damping
     n = frequency.size

@@ -16,14 +16,14 @@ from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ema.modal.mass_cancellation import BareModes, RovedModes, without_sensors
 from ema.types.frf import Dofs, driving_points
 from ema.types.modal_model import ModalModel, frequency_text, synthesize
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 
 
-def run_scatter(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np.float64]:
+def run_scatter(value: Reals, std: Reals) -> Reals:
     """Return the standard deviation between runs of each mode, ``(n_mode,)``, beyond what their noise explains.
 
     The estimate of Paule and Mandel (J. Res. Natl. Bur. Stand. 87, 1982, 377-385): with it, the weighted sum of squares
@@ -39,7 +39,7 @@ def run_scatter(value: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray
     return np.array([_between(v[np.isfinite(s)], s[np.isfinite(s)]) for v, s in zip(value.T, std.T, strict=True)])
 
 
-def _between(value: NDArray[np.float64], std: NDArray[np.float64]) -> float:
+def _between(value: Reals, std: Reals) -> float:
     def excess(scatter: float) -> float:
         weight = 1.0 / (std**2 + scatter**2)
         return float(np.sum(weight * (value - np.average(value, weights=weight)) ** 2)) - (value.size - 1)
@@ -50,9 +50,7 @@ def _between(value: NDArray[np.float64], std: NDArray[np.float64]) -> float:
     return float(scipy.optimize.brentq(excess, 0.0, largest * np.sqrt(value.size), xtol=1e-6 * largest))
 
 
-def std_with_scatter(
-    std: NDArray[np.float64], run_std: NDArray[np.float64], scatter: NDArray[np.float64], *, two_sided: float = 0.975
-) -> NDArray[np.float64]:
+def std_with_scatter(std: Reals, run_std: Reals, scatter: Reals, *, two_sided: float = 0.975) -> Reals:
     """Return standard deviations ``(n_mode,)`` of means over runs with the scatter between runs in them.
 
     What the scatter adds is larger by Student's over the normal quantile of 95 %, squared, for few runs tell little of
@@ -81,7 +79,7 @@ def std_with_scatter(
     return np.sqrt(std**2 + quantile**2 * more)
 
 
-def roved(modal_model: ModalModel, run: NDArray[np.int64]) -> tuple[RovedModes, NDArray[np.complex128]]:
+def roved(modal_model: ModalModel, run: Integers) -> tuple[RovedModes, Complexes]:
     """Return the modes of each run, real ones, and the phases of their shapes, (n_mode,)."""
     phase = np.exp(0.5j * np.angle(np.sum(modal_model.shape**2, axis=0)))
     output = Dofs(node=modal_model.node, direction=modal_model.direction)
@@ -110,7 +108,7 @@ def roved(modal_model: ModalModel, run: NDArray[np.int64]) -> tuple[RovedModes, 
     )
 
 
-def _constant(modal_model: ModalModel, shape: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _constant(modal_model: ModalModel, shape: Complexes) -> Reals:
     """Return what modal constants are over the shape, (n_mode,), of the force that all modes answer most to together.
 
     It is the shape at that force over the modal mass, both in the unit of the shape.
@@ -120,14 +118,14 @@ def _constant(modal_model: ModalModel, shape: NDArray[np.complex128]) -> NDArray
     return np.asarray(size[int(np.argmax(np.sum(size**2, axis=1)))])
 
 
-def _beyond_band(modal_model: ModalModel, force: int) -> NDArray[np.float64]:
+def _beyond_band(modal_model: ModalModel, force: int) -> Reals:
     """Return what modes beyond the band add to the receptance to one of the forces, (n_output, n_mode), m/N."""
     without = replace(modal_model, residue=np.zeros_like(modal_model.residue))
     at = np.abs(modal_model.pole) / (2.0 * np.pi)
     return synthesize(without, at, "receptance")[:, force].real
 
 
-def usable(run_std: NDArray[np.float64], std: NDArray[np.float64]) -> NDArray[np.float64]:
+def usable(run_std: Reals, std: Reals) -> Reals:
     """Return standard deviations of runs; where no run alone determines a mode, each stands for the pole of all."""
     nowhere = ~np.isfinite(run_std).any(axis=0)
     return np.where(nowhere, std * np.sqrt(len(run_std)), run_std)
@@ -157,14 +155,14 @@ class _Pattern:
     """Shifts that a cause explains, (n_run, n_mode), with its number of unknowns and what it adds to the finding."""
 
     cause: Cause
-    shift: NDArray[np.float64]
+    shift: Reals
     unknowns: int
     text: str
 
 
 def run_changes(
     modal_model: ModalModel,
-    run: NDArray[np.int64],
+    run: Integers,
     *,
     sensors_rove: bool,
     explained: float = 0.5,
@@ -214,13 +212,13 @@ def run_changes(
     return RunChanges(cause=best.cause, finding=f"{_size(modal_model, differs)}; {_cause(best)}")
 
 
-def _over_runs(value: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+def _over_runs(value: Reals, weight: Reals) -> Reals:
     """Return the weighted mean over runs of each mode, 0 of one that no run determines."""
     whole = weight.sum(axis=0)
     return np.asarray(np.sum(weight * value, axis=0) / np.where(whole > 0.0, whole, 1.0))
 
 
-def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_Pattern]:
+def _patterns(shift: Reals, weight: Reals) -> list[_Pattern]:
     """Return what drifts and common shifts can explain of shifts of zero mean."""
     patterns = []
     order = np.broadcast_to(np.arange(len(shift), dtype=float)[:, None], shift.shape)
@@ -237,9 +235,7 @@ def _patterns(shift: NDArray[np.float64], weight: NDArray[np.float64]) -> list[_
     return patterns
 
 
-def _falls_with_shape(
-    modal_model: ModalModel, run: NDArray[np.int64], shift: NDArray[np.float64], weight: NDArray[np.float64]
-) -> float:
+def _falls_with_shape(modal_model: ModalModel, run: Integers, shift: Reals, weight: Reals) -> float:
     """Return the share of squared shifts that falls with the squared shapes at the sensors, a slope for each mode."""
     felt = np.array([np.sum(np.abs(modal_model.shape[run == k]) ** 2, axis=0) for k in modal_model.run])
     around = felt - _over_runs(felt, weight)
@@ -249,9 +245,7 @@ def _falls_with_shape(
     return float(1.0 - left / np.sum(weight * shift**2))
 
 
-def _mass(
-    modal_model: ModalModel, run: NDArray[np.int64], shift: NDArray[np.float64], weight: NDArray[np.float64]
-) -> _Pattern:
+def _mass(modal_model: ModalModel, run: Integers, shift: Reals, weight: Reals) -> _Pattern:
     """Return the shifts by the mass of the sensors: one of all modes, or each over a modal mass that nobody knows."""
     scaled = bool(modal_model.scaled.all())
     modes = roved(modal_model, run)[0]
@@ -273,7 +267,7 @@ def _cause(pattern: _Pattern) -> str:
     return f"{causes}: {pattern.text}" if pattern.text else causes
 
 
-def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
+def _size(modal_model: ModalModel, differs: Booleans) -> str:
     """Say which runs are off the median of the others, and by how much."""
     most_listed = 3  # runs whose modes are reported one by one
     odd = np.flatnonzero(differs.any(axis=1))
@@ -306,13 +300,13 @@ def _size(modal_model: ModalModel, differs: NDArray[np.bool_]) -> str:
     )
 
 
-def _shift(modal_model: ModalModel, run: int) -> NDArray[np.float64]:
+def _shift(modal_model: ModalModel, run: int) -> Reals:
     """Return by which shares of their frequencies a run's modes are off those of the others, (n_mode,)."""
     others = np.delete(modal_model.run_frequency, run, axis=0)
     return np.asarray(modal_model.run_frequency[run] / np.median(others, axis=0) - 1.0)
 
 
-def over_runs(modal_model: ModalModel, run: NDArray[np.int64], sensor_mass: float, changes: RunChanges) -> ModalModel:
+def over_runs(modal_model: ModalModel, run: Integers, sensor_mass: float, changes: RunChanges) -> ModalModel:
     """Return the modes of the structure that runs of different structures stand for.
 
     Where runs disagree, frequencies and damping ratios are their medians, which one odd run does not move and which a
@@ -352,11 +346,7 @@ def over_runs(modal_model: ModalModel, run: NDArray[np.int64], sensor_mass: floa
     )
 
 
-def _changed(
-    modal_model: ModalModel,
-    value: tuple[NDArray[np.float64], NDArray[np.float64]],
-    std: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> ModalModel:
+def _changed(modal_model: ModalModel, value: tuple[Reals, Reals], std: tuple[Reals, Reals]) -> ModalModel:
     """Return a model of other frequencies and damping ratios; the covariance of its poles grows as their stds do."""
     ratio = np.maximum(std[0] / modal_model.frequency_std, std[1] / modal_model.damping_std)
     growth = np.repeat(ratio, 2)
@@ -385,7 +375,7 @@ def _medians(modal_model: ModalModel) -> ModalModel:
     return _changed(modal_model, (value[0], value[1]), (std[0], std[1]))
 
 
-def _weighted_median(value: NDArray[np.float64], weight: NDArray[np.float64]) -> NDArray[np.float64]:
+def _weighted_median(value: Reals, weight: Reals) -> Reals:
     """Return the values ``(n_mode,)`` that half of the weight of the runs is below."""
     rank = np.argsort(value, axis=0)
     below = np.cumsum(np.take_along_axis(weight, rank, axis=0), axis=0)
@@ -393,7 +383,7 @@ def _weighted_median(value: NDArray[np.float64], weight: NDArray[np.float64]) ->
     return np.take_along_axis(value, rank, axis=0)[middle, np.arange(value.shape[1])]
 
 
-def _certain(modes: RovedModes, load: NDArray[np.float64] | None, *, certain: float = 3.0) -> BareModes:
+def _certain(modes: RovedModes, load: Reals | None, *, certain: float = 3.0) -> BareModes:
     """Take the mass out, the scatter that it does not explain in the weights, and not where its size is uncertain.
 
     `certain`: standard deviations from which a mass that the runs tell is taken out.
@@ -406,7 +396,7 @@ def _certain(modes: RovedModes, load: NDArray[np.float64] | None, *, certain: fl
     return without_sensors(replace(modes, std=np.hypot(modes.std, scatter)), load)
 
 
-def _damping(modal_model: ModalModel, bare: BareModes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _damping(modal_model: ModalModel, bare: BareModes) -> tuple[Reals, Reals]:
     """Return damping ratios, the means over the runs, and their standard deviations."""
     free = modal_model.run_pole + modal_model.decay_rate
     lowered = bare.frequency / (np.abs(free) / (2.0 * np.pi))

@@ -18,6 +18,7 @@ from ema.plot import palette
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF, Geometry
 from ema.types.modal_model import ModalModel, frequency_text, synthesize_runs
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 from lamella_shared import figure_of, html_of, html_table
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def stabilization_figure(
 
 def pole_groups(
     diagram: StabilizationDiagram, stability: Stability | None
-) -> list[tuple[str, NDArray[np.bool_], dict[str, Any]]]:
+) -> list[tuple[str, Booleans, dict[str, Any]]]:
     """Return the poles of a chart in groups, each with its name and symbol."""
     if stability is None:
         return [
@@ -150,13 +151,13 @@ def draw_shape(axes: Any, modal_model: ModalModel, mode: int) -> None:
     axes.set_title(f"{modal_model.frequency[mode]:.4g} Hz, {100.0 * modal_model.damping[mode]:.3g} %", fontsize="small")
 
 
-def trace_rows(geometry: Geometry) -> NDArray[np.int64]:
+def trace_rows(geometry: Geometry) -> Integers:
     """Return the rows of points, (n_line, 2), that trace lines join."""
     index = {int(n): k for k, n in enumerate(geometry.node)}
     return np.array([[index[int(a)], index[int(b)]] for a, b in geometry.line], dtype=np.int64).reshape(-1, 2)
 
 
-def shape_displacement(modal_model: ModalModel, mode: int) -> NDArray[np.float64]:
+def shape_displacement(modal_model: ModalModel, mode: int) -> Reals:
     """Displacement ``(n_node, 3)`` of the points, m, largest component a sixth of the structure's size.
 
     A point measured in skew directions moves so as to meet them in the least-squares sense.
@@ -174,13 +175,13 @@ def shape_displacement(modal_model: ModalModel, mode: int) -> NDArray[np.float64
     return displacement * size / (6.0 * largest)
 
 
-def _mark_poles(panels: tuple[Axes, ...], frequency: NDArray[np.float64]) -> None:
+def _mark_poles(panels: tuple[Axes, ...], frequency: Reals) -> None:
     for axes in panels:
         for f in frequency:
             axes.axvline(f, color=palette.ACCENT, linewidth=0.7, linestyle="--")
 
 
-def _thinned(magnitude: NDArray[np.float64], *, max_points: int = 2000) -> NDArray[np.intp]:
+def _thinned(magnitude: Reals, *, max_points: int = 2000) -> NDArray[np.intp]:
     """Choose the smallest and the largest value of every bin, so that no peak is lost.
 
     `max_points`: lines drawn of one function; wider ones are thinned to the extremes of every bin.
@@ -193,7 +194,7 @@ def _thinned(magnitude: NDArray[np.float64], *, max_points: int = 2000) -> NDArr
     return np.unique(np.array(extremes).ravel())
 
 
-def comparison_figure(comparison: Comparison, at: NDArray[np.float64], label: str) -> Figure:
+def comparison_figure(comparison: Comparison, at: Reals, label: str) -> Figure:
     """Draw frequency and damping of every mode over a property of the configurations.
 
     Parameters
@@ -268,7 +269,7 @@ def amplitude_figure(dependence: AmplitudeDependence) -> Figure:
 LEFT, RIGHT = 1, 3
 
 
-def pick_poles(diagram: StabilizationDiagram) -> NDArray[np.complex128]:
+def pick_poles(diagram: StabilizationDiagram) -> Complexes:
     """Show the stabilisation chart, starting from its clusters, and return what is chosen when it is closed.
 
     A left click adds the nearest pole of the chart, a right click takes the nearest chosen one away.
@@ -310,7 +311,7 @@ class PolePicker:
         self._draw()
         figure.canvas.mpl_connect("button_press_event", self._click)
 
-    def chosen(self) -> NDArray[np.complex128]:
+    def chosen(self) -> Complexes:
         """Return the poles chosen so far, rad/s, ascending in frequency."""
         return np.array(sorted(self._chosen, key=abs), dtype=complex)
 

@@ -28,6 +28,7 @@ from ema.quality.verdict import Verdict
 from ema.types.arrays import in_blocks, inner_products
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dofs
+from lamella_arrays import Complexes, Integers, Reals
 
 _MIN_OTHERS = 6
 """Fewer channels do not hold the resonances that another one should be made of."""
@@ -109,7 +110,7 @@ def usable(measurement: Measurement, verdicts: tuple[Verdict, ...]) -> Measureme
     )
 
 
-def _sound(frf: FRF, findings: list[Verdict]) -> NDArray[np.int64]:
+def _sound(frf: FRF, findings: list[Verdict]) -> Integers:
     failed = {c for v in findings if v.level == "fail" for c in v.channel}
     return np.array([c for c in range(frf.output.node.size) if c not in failed], dtype=np.int64)
 
@@ -175,8 +176,8 @@ def _not_finite(frf: FRF) -> Iterator[Verdict]:
         yield _verdict(frf, "number", "fail", int(channel), f"{lines.size} values are not numbers", band)
 
 
-def _dead(frf: FRF, sound: NDArray[np.int64], *, dead_level: float = 1e-3) -> Iterator[Verdict]:
-    power: list[NDArray[np.float64]] = [(np.abs(frf.value[block]) ** 2).mean(axis=(1, 2)) for block in in_blocks(sound)]
+def _dead(frf: FRF, sound: Integers, *, dead_level: float = 1e-3) -> Iterator[Verdict]:
+    power: list[Reals] = [(np.abs(frf.value[block]) ** 2).mean(axis=(1, 2)) for block in in_blocks(sound)]
     level = np.sqrt(np.concatenate([*power, np.empty(0)]))
     middle = float(np.median(level)) if sound.size else 0.0
     for channel, value in zip(sound, level, strict=True):
@@ -186,7 +187,7 @@ def _dead(frf: FRF, sound: NDArray[np.int64], *, dead_level: float = 1e-3) -> It
             yield _verdict(frf, "dead", "fail", int(channel), message)
 
 
-def _formless(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _formless(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     for fault in formless(frf, sound):
         if fault.channel is None:
             yield Verdict(check="dead", level="warn", channel=(), band=None, message=fault.message)
@@ -194,7 +195,7 @@ def _formless(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
             yield _verdict(frf, "dead", "fail" if fault.is_noise else "warn", fault.channel, fault.message)
 
 
-def _clipped(frf: FRF, overload: NDArray[np.float64], sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _clipped(frf: FRF, overload: Reals, sound: Integers) -> Iterator[Verdict]:
     for channel in sound:
         if overload[channel] > 0:
             message = f"clipped, {100 * overload[channel]:.2g} % of the samples are at full scale; lower the range"
@@ -205,7 +206,7 @@ def _clipped(frf: FRF, overload: NDArray[np.float64], sound: NDArray[np.int64]) 
         yield _verdict(frf, "clipped", "fail", channel, message, band)
 
 
-def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tuple[float, float]]]:
+def _capped(frf: FRF, sound: Integers) -> Iterator[tuple[int, float, tuple[float, float]]]:
     """Yield channels whose highest values stay at one height although the other channels' do not.
 
     The lower values of the channel are explained by the resonances of the others; the highest ones are then
@@ -235,7 +236,7 @@ def _capped(frf: FRF, sound: NDArray[np.int64]) -> Iterator[tuple[int, float, tu
             yield int(channel), share, (float(frf.frequency[lines[0]]), float(frf.frequency[lines[-1]]))
 
 
-def _beside(n_sound: int, position: int) -> NDArray[np.int64]:
+def _beside(n_sound: int, position: int) -> Integers:
     """Return the places of those that a sound channel is compared with: all others, of very many those of its group."""
     group = -(-n_sound // _MOST_OTHERS)
     others = np.delete(np.arange(n_sound), position)
@@ -243,13 +244,8 @@ def _beside(n_sound: int, position: int) -> NDArray[np.int64]:
 
 
 def _resonances_of_others(
-    value: NDArray[np.complex128],
-    sound: NDArray[np.int64],
-    beside: NDArray[np.int64],
-    products: NDArray[np.complex128],
-    *,
-    lines: int = 1024,
-) -> NDArray[np.complex128]:
+    value: Complexes, sound: Integers, beside: Integers, products: Complexes, *, lines: int = 1024
+) -> Complexes:
     """Return what channels are made of: orthonormal functions of frequency, (n, n_frequency).
 
     Parameters
@@ -275,7 +271,7 @@ def _resonances_of_others(
     return made_of
 
 
-def _made_of(products: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def _made_of(products: Complexes) -> tuple[Reals, Complexes]:
     """Return singular values, (n,), and vectors, (n_channel, n), of what channels of unit size are made of.
 
     Parameters
@@ -290,7 +286,7 @@ def _made_of(products: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDA
     return singular[:n], vectors[:, ::-1][:, :n]
 
 
-def _shares_outside(products: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _shares_outside(products: Complexes) -> Reals:
     """Return which share of the power of each channel is not in the resonances of the others, from inner products."""
     size = np.sqrt(np.diag(products).real)
     scale = np.where(size > 0, size, 1.0)
@@ -304,13 +300,13 @@ def _shares_outside(products: NDArray[np.complex128]) -> NDArray[np.float64]:
     return share
 
 
-def _states(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _states(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     for direction in _parallel(frf, sound):
         yield from run_states(frf, direction)
 
 
 def _unshared(
-    frf: FRF, sound: NDArray[np.int64], *, unshared_dead: float = 0.8, unshared_warn: float = 0.05
+    frf: FRF, sound: Integers, *, unshared_dead: float = 0.8, unshared_warn: float = 0.05
 ) -> Iterator[Verdict]:
     """Find channels that do not share the resonances of the others: unplugged, loose, overloaded, noisy."""
     if sound.size < _MIN_OTHERS:
@@ -333,7 +329,7 @@ def _unshared(
 
 def _coherence(
     frf: FRF,
-    sound: NDArray[np.int64],
+    sound: Integers,
     *,
     # That a coherence may be above 1.
     above_one: float = 0.01,
@@ -370,7 +366,7 @@ def _ends(frf: FRF, line: NDArray[np.intp]) -> tuple[float, float]:
     return float(frf.frequency[line[0]]), float(frf.frequency[line[-1]])
 
 
-def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _driving_points(measurement: Measurement, sound: Integers) -> Iterator[Verdict]:
     frf = measurement.frf
     for channel in sound:
         for j in range(frf.input.node.size):
@@ -410,7 +406,7 @@ def _driving_points(measurement: Measurement, sound: NDArray[np.int64]) -> Itera
                 yield _verdict(frf, "driving point", "warn", int(channel), message, band)
 
 
-def _turned(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _turned(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     for function in turned_functions(frf, sound):
         over = frf.input.name(function.input)
         which = over if frf.input.node.size > 2 else f"{over} or the other one"
@@ -422,7 +418,7 @@ def _turned(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
         yield _verdict(frf, "sign", "fail", function.output, message)
 
 
-def _fits_neighbours(measurement: Measurement, sound: NDArray[np.int64], channel: int, force: int) -> bool:
+def _fits_neighbours(measurement: Measurement, sound: Integers, channel: int, force: int) -> bool:
     """Whether the other channels, by the smoothness of the shapes, confirm the sign of one."""
     geometry = measurement.geometry
     frf = replace(
@@ -439,7 +435,7 @@ def _fits_neighbours(measurement: Measurement, sound: NDArray[np.int64], channel
 
 
 def _spatial(
-    measurement: Measurement, sound: NDArray[np.int64], *, scale_warn: float = 1.15, scale_fail: float = 1.4
+    measurement: Measurement, sound: Integers, *, scale_warn: float = 1.15, scale_fail: float = 1.4
 ) -> Iterator[Verdict]:
     """Compare channels with their neighbours, leaving out noisy ones, which are rough without being wrong."""
     frf = measurement.frf
@@ -483,7 +479,7 @@ def _spatial(
             yield Verdict(check="sign", level="warn", channel=(), band=None, message=text)
 
 
-def _parallel(frf: FRF, sound: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+def _parallel(frf: FRF, sound: Integers) -> Iterator[Integers]:
     """Yield groups of channels of parallel direction."""
     left = list(sound)
     while left:
@@ -492,7 +488,7 @@ def _parallel(frf: FRF, sound: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]
         left = [c for c, a in zip(left, along, strict=True) if not a]
 
 
-def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _reciprocity(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     """Compare functions whose response and force DOFs are those of another one exchanged."""
     place = {(int(frf.output.node[c]), tuple(np.round(frf.output.direction[c], 4))): int(c) for c in sound}
     force = [(int(n), tuple(np.round(d, 4))) for n, d in zip(frf.input.node, frf.input.direction, strict=True)]
@@ -508,7 +504,7 @@ def _reciprocity(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
                 yield Verdict(check="reciprocity", level="warn", channel=pair, band=None, message=text)
 
 
-def _units(measurement: Measurement, sound: NDArray[np.int64], *, lines_of_mass: int = 512) -> Iterator[Verdict]:
+def _units(measurement: Measurement, sound: Integers, *, lines_of_mass: int = 512) -> Iterator[Verdict]:
     plausible = (1e-3, 300.0)
     masses = (1e-4, 1e6)
     frf = measurement.frf
@@ -531,7 +527,7 @@ def _units(measurement: Measurement, sound: NDArray[np.int64], *, lines_of_mass:
     yield from phases(frf, sound)
 
 
-def _resolution(frf: FRF, sound: NDArray[np.int64]) -> Iterator[Verdict]:
+def _resolution(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     step = float(np.median(np.diff(frf.frequency)))
     coarse = [p for p in peaks(frf, sound) if p.bandwidth < MIN_LINES * step]
     if coarse:

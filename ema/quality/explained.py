@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict, listing
 from ema.types.frf import FRF, Dofs, Quantity
 from ema.types.modal_model import ModalModel, synthesize_runs
-from lamella_shared import readonly
+from lamella_arrays import Reals, readonly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,11 +45,11 @@ class ExplainedPower:
     """
 
     channel: tuple[str, ...]
-    edge: NDArray[np.float64]
-    share: NDArray[np.float64]
-    whole: NDArray[np.float64]
+    edge: Reals
+    share: Reals
+    whole: Reals
     quantity: Quantity
-    power: NDArray[np.float64] | None = None
+    power: Reals | None = None
 
     def __post_init__(self) -> None:
         n_channel, n_band = len(self.channel), np.size(self.edge) - 1
@@ -66,7 +65,7 @@ class ExplainedPower:
         return float(np.mean(self.whole))
 
     @property
-    def around(self) -> NDArray[np.float64]:
+    def around(self) -> Reals:
         """Share in each band over all channels, ``(n_mode,)``; NaN where a band holds no line."""
         assert self.power is not None
         power = self.power.sum(axis=0)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.measurement import Measurement
 from ema.quality.channels import check, usable
@@ -14,6 +13,7 @@ from ema.quality.peaks import Peak, peaks, summed_power
 from ema.quality.verdict import Verdict
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dofs
+from lamella_arrays import Integers, Reals
 
 NOT_LINEAR = ": not linear"
 """End of the finding on a resonance that moves with the force."""
@@ -129,9 +129,9 @@ def _resonances(
     name: str,
     other_name: str,
     frf: FRF,
-    rows: NDArray[np.int64],
+    rows: Integers,
     other: FRF,
-    its: NDArray[np.int64],
+    its: Integers,
     *,
     tolerance: float = 0.1,
     # Share of its height below which a resonance is gone.
@@ -178,12 +178,12 @@ def _nearest(candidates: list[Peak], peak: Peak) -> Peak | None:
     return near if near and abs(near.frequency - peak.frequency) <= _SAME * peak.bandwidth else None
 
 
-def _level(frf: FRF, channels: NDArray[np.int64], peak: Peak) -> float:
+def _level(frf: FRF, channels: Integers, peak: Peak) -> float:
     """Root mean square of the channels at the line of a peak."""
     return float(np.sqrt(np.mean(np.abs(frf.value[channels][..., peak.line]) ** 2)))
 
 
-def _centre(frf: FRF, channels: NDArray[np.int64], peak: Peak) -> float:
+def _centre(frf: FRF, channels: Integers, peak: Peak) -> float:
     """Place of a peak, Hz, from all lines of its half-power band, where the inverse power is a parabola."""
     lines = np.abs(frf.frequency - peak.frequency) <= 0.5 * peak.bandwidth
     if np.count_nonzero(lines) < 4:
@@ -196,7 +196,7 @@ def _centre(frf: FRF, channels: NDArray[np.int64], peak: Peak) -> float:
     return peak.frequency + peak.bandwidth * float(np.clip(vertex, -0.5, 0.5))
 
 
-def _height(frf: FRF, channels: NDArray[np.int64], peak: Peak, bandwidth: float | None = None) -> NDArray[np.float64]:
+def _height(frf: FRF, channels: Integers, peak: Peak, bandwidth: float | None = None) -> Reals:
     """Root mean square of each channel over a bandwidth around a peak, ``(n_channel,)``."""
     lines = np.abs(frf.frequency - frf.frequency[peak.line]) <= 0.5 * (bandwidth or peak.bandwidth)
     return np.sqrt(np.mean(np.abs(frf.value[channels][..., lines]) ** 2, axis=(1, 2)))
@@ -208,7 +208,7 @@ def _keys(dofs: Dofs) -> list[tuple[int, tuple[float, ...]]]:
     ]
 
 
-def _common(first: FRF, second: FRF) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _common(first: FRF, second: FRF) -> tuple[Integers, Integers]:
     """Positions of the outputs that both have, in either of them."""
     place = {key: c for c, key in enumerate(_keys(second.output))}
     pairs = [(c, place[key]) for c, key in enumerate(_keys(first.output)) if key in place]

@@ -12,13 +12,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.types.arrays import in_blocks
 from ema.types.frf import DERIVATIVE, FRF, Quantity
+from lamella_arrays import Complexes, Integers, Reals
 
 
-def find_peaks(level: NDArray[np.float64], prominence: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def find_peaks(level: Reals, prominence: float) -> tuple[Integers, Reals]:
     """Return the positions of peaks, (n_peak,), and their prominences, of those with at least a given one.
 
     The prominence is the height over the higher of the lowest points on both sides, before anything is higher than the
@@ -43,7 +43,7 @@ def find_peaks(level: NDArray[np.float64], prominence: float) -> tuple[NDArray[n
     return lines[kept].astype(np.int64), prominences[kept]
 
 
-def _lowest(level: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lowest(level: Reals) -> Reals:
     """Return for each point, (n,), the lowest one from it back to where the curve is higher than it."""
     lowest: list[float] = []
     stack: list[tuple[float, float]] = []  # heights that fall, each with the lowest point behind it
@@ -56,7 +56,7 @@ def _lowest(level: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array(lowest)
 
 
-def peak_widths(level: NDArray[np.float64], lines: Sequence[int] | NDArray[np.int64]) -> NDArray[np.float64]:
+def peak_widths(level: Reals, lines: Sequence[int] | Integers) -> Reals:
     """Return the widths of peaks, (n_peak,), in lines at half their prominence, between the lines interpolated.
 
     Parameters
@@ -75,7 +75,7 @@ def peak_widths(level: NDArray[np.float64], lines: Sequence[int] | NDArray[np.in
     return np.array(widths)
 
 
-def _crossing(level: NDArray[np.float64], height: float) -> float:
+def _crossing(level: Reals, height: float) -> float:
     """Return how far from its first point a curve falls to a height."""
     below = np.flatnonzero(level <= height)
     k = int(below[0]) if below.size else level.size - 1
@@ -87,7 +87,7 @@ def _crossing(level: NDArray[np.float64], height: float) -> float:
 _FEWEST = 8  # second differences in each
 
 
-def noise_slope(frequency: NDArray[np.float64], value: NDArray[np.complex128], *, blocks: int = 16) -> float:
+def noise_slope(frequency: Reals, value: Complexes, *, blocks: int = 16) -> float:
     """Exponent of the frequency that the noise of functions follows.
 
     The noise is that of the second differences from line to line, their median in each part of the band, which neither
@@ -176,11 +176,11 @@ class LocalFit:
         Lines in its half-power bandwidth.
     """
 
-    residue: NDArray[np.complex128]
+    residue: Complexes
     lines: float
 
 
-def summed_power(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
+def summed_power(frf: FRF, channels: Integers) -> Reals:
     """Return the power of the functions of some outputs, each relative to its mean, summed: ``(n_frequency,)``."""
     total = np.zeros(frf.frequency.size)
     for block in in_blocks(channels):
@@ -189,9 +189,7 @@ def summed_power(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
     return total
 
 
-def peaks(
-    frf: FRF, channels: NDArray[np.int64], prominence: float = CLEAR, *, narrow_over_noise: float = 50.0
-) -> list[Peak]:
+def peaks(frf: FRF, channels: Integers, prominence: float = CLEAR, *, narrow_over_noise: float = 50.0) -> list[Peak]:
     """Return the resonances of the summed power that stand out by `prominence` (dB), with half-power bandwidths.
 
     A peak of few lines is measured by the parabola that the inverse power of a resonance is, and believed
@@ -221,9 +219,7 @@ def peaks(
     return resonances
 
 
-def residues(
-    frf: FRF, channels: NDArray[np.int64], resonances: list[Peak], *, fewest_lines: int = 8
-) -> Iterator[LocalFit]:
+def residues(frf: FRF, channels: Integers, resonances: list[Peak], *, fewest_lines: int = 8) -> Iterator[LocalFit]:
     """Fit a mode beside a straight part to the lines around each of some peaks, those of a peak between others apart.
 
     All functions share the pole, so that a resonance that falls between two lines is seen from its flanks. On each
@@ -245,8 +241,8 @@ def residues(
 
 
 def _local_fit(
-    value: NDArray[np.complex128], peak: int, *, rounds: int = 8, narrowest: float = 0.02
-) -> tuple[complex, NDArray[np.complex128]] | None:
+    value: Complexes, peak: int, *, rounds: int = 8, narrowest: float = 0.02
+) -> tuple[complex, Complexes] | None:
     """Fit ``residue / (x - pole) + straight part`` over line numbers x from a peak; None where lines are too few.
 
     Equations that are multiplied by ``x - pole`` are linear in the pole; divided by that of the round before, they end
@@ -264,7 +260,7 @@ def _local_fit(
         weight = 1.0 / (x - pole)
         basis = np.linalg.qr((powers * weight).T)[0]
 
-        def rough(rows: NDArray[np.complex128], basis: NDArray[np.complex128] = basis) -> NDArray[np.complex128]:
+        def rough(rows: Complexes, basis: Complexes = basis) -> Complexes:
             return np.asarray(rows - (rows @ basis.conj()) @ basis.T)
 
         without, times = rough(value * weight), rough(value * weight * x)
@@ -281,7 +277,7 @@ def _local_fit(
 
 
 def peaks_of_any_width(
-    power: NDArray[np.float64], prominence: float, *, averaged: int = 4, fewest_blocks: int = 64
+    power: Reals, prominence: float, *, averaged: int = 4, fewest_blocks: int = 64
 ) -> list[tuple[int, int, int]]:
     """Return `peaks_over_noise`, then those of the power averaged over `averaged` lines, over its square, and so on.
 
@@ -298,7 +294,7 @@ def peaks_of_any_width(
 
 
 def peaks_over_noise(
-    power: NDArray[np.float64], prominence: float, *, over_noise: float = 8.0, averaged: int = 1
+    power: Reals, prominence: float, *, over_noise: float = 8.0, averaged: int = 1
 ) -> list[tuple[int, int, int]]:
     """Line, and first and last line around it, of peaks that stand out of the noise, the highest first.
 
@@ -318,7 +314,7 @@ def peaks_over_noise(
     return peaks
 
 
-def _scatter(level: NDArray[np.float64], line: int, *, reach: int) -> float:
+def _scatter(level: Reals, line: int, *, reach: int) -> float:
     """Return the scatter of a level around a line, from its second differences, which no smooth course enlarges.
 
     Their variance is 6 times that of a line; the median of absolute normal numbers is 0.6745 standard deviations.
@@ -327,7 +323,7 @@ def _scatter(level: NDArray[np.float64], line: int, *, reach: int) -> float:
     return float(np.median(near) / (0.6745 * np.sqrt(6.0)))
 
 
-def _around(level: NDArray[np.float64], line: int, depth: float, *, lopsided: int = 3) -> tuple[int, int]:
+def _around(level: Reals, line: int, depth: float, *, lopsided: int = 3) -> tuple[int, int]:
     """First and last line around a peak that lie less than a depth (dB) below it, neither much farther than the other.
 
     A resonance upon the flanks of others is often a dip and a peak, from which a plateau leads away: of what is more

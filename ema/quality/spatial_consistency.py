@@ -18,27 +18,22 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.quality.peaks import peaks, residues
 from ema.quality.verdict import Verdict
 from ema.types.arrays import inner_products
 from ema.types.frf import FRF, Geometry
+from lamella_arrays import Complexes, Integers, Reals
 
 
-def negative_share(mobility: NDArray[np.complex128]) -> float:
+def negative_share(mobility: Complexes) -> float:
     """Return the share of the real part of a driving-point mobility that is negative."""
     real = mobility.real
     return float(-real[real < 0].sum() / max(np.abs(real).sum(), np.finfo(float).tiny))
 
 
 def delay(
-    mobility: NDArray[np.complex128],
-    frequency: NDArray[np.float64],
-    *,
-    longest: float = 0.75,
-    sound: float = 0.1,
-    turned: float = 0.9,
+    mobility: Complexes, frequency: Reals, *, longest: float = 0.75, sound: float = 0.1, turned: float = 0.9
 ) -> float | None:
     """Return the delay of the response, s, that makes a driving point of one of negative power; None where none does.
 
@@ -62,9 +57,7 @@ def delay(
     return float(tried[best]) if share[best] < sound else None
 
 
-def phases(
-    frf: FRF, sound: NDArray[np.int64], *, in_phase: float = 0.7, fewest_lines: float = 0.25
-) -> Iterator[Verdict]:
+def phases(frf: FRF, sound: Integers, *, in_phase: float = 0.7, fewest_lines: float = 0.25) -> Iterator[Verdict]:
     """Compare the phase of the residues with that of the quantity.
 
     Residues of real modes are imaginary in receptance and accelerance, and real in mobility, if time is counted from
@@ -121,7 +114,7 @@ class TurnedFunction:
 
 def turned_functions(
     frf: FRF,
-    channels: NDArray[np.int64],
+    channels: Integers,
     *,
     prominence: float = 3.0,
     fits: float = 0.9,
@@ -209,13 +202,11 @@ class Contradiction:
 class _Fit:
     """Covariance of the best length and noise: its inverse and log-likelihood."""
 
-    inverse: NDArray[np.float64]
+    inverse: Reals
     value: float
 
 
-def contradictions(
-    frf: FRF, geometry: Geometry, channels: NDArray[np.int64], threshold: float
-) -> tuple[Contradiction, ...]:
+def contradictions(frf: FRF, geometry: Geometry, channels: Integers, threshold: float) -> tuple[Contradiction, ...]:
     """Return the faults of channels, the clearest first, each found with the earlier ones left out.
 
     Parameters
@@ -243,9 +234,7 @@ def contradictions(
     return tuple(faults)
 
 
-def undetectable_signs(
-    frf: FRF, geometry: Geometry, channels: NDArray[np.int64], threshold: float
-) -> NDArray[np.int64]:
+def undetectable_signs(frf: FRF, geometry: Geometry, channels: Integers, threshold: float) -> Integers:
     """Return the channels whose sign the others do not tell: turning one would not be believed.
 
     Parameters are those of `contradictions`. Channels without coordinates are among them.
@@ -261,7 +250,7 @@ def undetectable_signs(
     return np.concatenate([np.setdiff1d(channels, known), known[loss < threshold]])
 
 
-def _clearest(frf: FRF, geometry: Geometry, channels: NDArray[np.int64]) -> Contradiction | None:
+def _clearest(frf: FRF, geometry: Geometry, channels: Integers) -> Contradiction | None:
     """Return the fault whose undoing raises the likelihood most, length and noise being fitted anew."""
     field = shape_space(frf.value[channels, 0])
     covariances = list(_covariances(frf, geometry, channels))
@@ -289,9 +278,7 @@ def _clearest(frf: FRF, geometry: Geometry, channels: NDArray[np.int64]) -> Cont
 
 
 def _turned_together(
-    covariances: list[tuple[NDArray[np.float64], NDArray[np.float64]]],
-    gram: NDArray[np.float64],
-    run: NDArray[np.int64],
+    covariances: list[tuple[Reals, Reals]], gram: Reals, run: Integers
 ) -> list[tuple[FaultKind, tuple[int, ...], float]]:
     """Return channels, several and at most half, with whose signs turned the shapes are smoothest.
 
@@ -315,9 +302,7 @@ def _turned_together(
     return list(faults.values())
 
 
-def _descended(
-    coupling: NDArray[np.float64], sign: NDArray[np.float64], runs: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _descended(coupling: Reals, sign: Reals, runs: Reals) -> Reals:
     """Return signs, (n,), from which no channel's and no run's turning lessens the quadratic form of `coupling`."""
     moves = np.vstack([np.eye(sign.size), runs])
     while True:
@@ -330,7 +315,7 @@ def _descended(
         sign = np.where(moves[best] > 0.0, -sign, sign)
 
 
-def _agreement(fit: _Fit, field: NDArray[np.float64], members: tuple[int, ...]) -> float:
+def _agreement(fit: _Fit, field: Reals, members: tuple[int, ...]) -> float:
     """Return the least correlation of some channels with their predictions from all others."""
     correlation = []
     for i in members:
@@ -340,7 +325,7 @@ def _agreement(fit: _Fit, field: NDArray[np.float64], members: tuple[int, ...]) 
     return min(correlation)
 
 
-def shape_space(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+def shape_space(value: Complexes) -> Reals:
     """Return the shapes that the functions are made of, (n_output, n_shape), columns of like size.
 
     Channels are normalised before the singular value decomposition, so that one of the wrong scale does not
@@ -360,9 +345,7 @@ def shape_space(value: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.asarray(shapes / np.where(middle > 0, middle, np.abs(shapes).max(axis=0)))
 
 
-def _covariances(
-    frf: FRF, geometry: Geometry, channels: NDArray[np.int64]
-) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def _covariances(frf: FRF, geometry: Geometry, channels: Integers) -> list[tuple[Reals, Reals]]:
     """Return eigenvalues and vectors of the covariance for each length; noise only shifts eigenvalues."""
     trend_size = 10.0
     lengths = np.geomspace(0.15, 2.0, 7)
@@ -378,7 +361,7 @@ def _covariances(
     return [np.linalg.eigh(alike * (np.exp(-square / (2 * length**2)) + trend)) for length in lengths]
 
 
-def _best(covariances: list[tuple[NDArray[np.float64], NDArray[np.float64]]], field: NDArray[np.float64]) -> _Fit:
+def _best(covariances: list[tuple[Reals, Reals]], field: Reals) -> _Fit:
     """Return the likeliest covariance, its variance being profiled out."""
     noises = np.geomspace(1e-6, 3e-1, 12)
     n, r = field.shape
@@ -395,9 +378,7 @@ def _best(covariances: list[tuple[NDArray[np.float64], NDArray[np.float64]]], fi
     return _Fit(inverse=(vectors / (np.maximum(values, 0.0) + best[2])) @ vectors.T, value=best[0])
 
 
-def _hypotheses(
-    fit: _Fit, gram: NDArray[np.float64], r: int, run: NDArray[np.int64]
-) -> list[tuple[FaultKind, tuple[int, ...], float]]:
+def _hypotheses(fit: _Fit, gram: Reals, r: int, run: Integers) -> list[tuple[FaultKind, tuple[int, ...], float]]:
     """Return the most promising faults of each kind, judged with the covariance of the data as they are."""
     n = len(gram)
     coupling = fit.inverse * gram
@@ -437,9 +418,7 @@ def _likeliest_factor(total: float, inside: float, across: float, nr: int, weigh
     return float((-b + np.sqrt(max(b**2 - 4 * a * c, 0.0))) / (2 * a)) if a > 0 and c < 0 else 1.0
 
 
-def _undone(
-    field: NDArray[np.float64], kind: FaultKind, members: tuple[int, ...], factor: float
-) -> NDArray[np.float64]:
+def _undone(field: Reals, kind: FaultKind, members: tuple[int, ...], factor: float) -> Reals:
     corrected = field.copy()
     if kind == "swapped":
         corrected[list(members)] = field[list(members[::-1])]

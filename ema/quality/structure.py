@@ -18,6 +18,7 @@ from ema.quality.peaks import MIN_LINES, peaks
 from ema.quality.verdict import Verdict
 from ema.types.arrays import in_blocks
 from ema.types.frf import FRF
+from lamella_arrays import Integers, Reals
 
 LINES_OF_A_FUNCTION = 64
 """Fewer lines do not tell noise from a function."""
@@ -36,7 +37,7 @@ class Formless:
     message: str
 
 
-def formless(frf: FRF, channels: NDArray[np.int64], *, flat: float = 3.0, not_flat: float = 15.0) -> Iterator[Formless]:
+def formless(frf: FRF, channels: Integers, *, flat: float = 3.0, not_flat: float = 15.0) -> Iterator[Formless]:
     """Give outputs that are noise alone or flat beside others that are functions; of noise alone, all at once.
 
     Parameters
@@ -78,7 +79,7 @@ def formless(frf: FRF, channels: NDArray[np.int64], *, flat: float = 3.0, not_fl
             yield Formless(channel=int(channel), is_noise=False, message=message)
 
 
-def steadiness(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
+def steadiness(frf: FRF, channels: Integers) -> Reals:
     """Return how steady the phase of each output is from line to line, in the best part of the band: (n_channel,).
 
     It is the length of the mean of unit vectors that point where the phase has turned between lines some apart: 1 for
@@ -115,7 +116,7 @@ def _lines(frf: FRF, *, parts: int = 8) -> int:
     return max(LINES_OF_A_FUNCTION, frf.frequency.size // parts)
 
 
-def span(frf: FRF, channels: NDArray[np.int64]) -> NDArray[np.float64]:
+def span(frf: FRF, channels: Integers) -> Reals:
     """Return the range of levels over the lines of each output, of its functions the widest, dB: (n_channel,)."""
     ends = (5.0, 95.0)
     spans = []
@@ -132,7 +133,7 @@ def content_digests(frf: FRF) -> tuple[str, ...]:
     return tuple(hashlib.sha256(value.tobytes()).hexdigest() for value in frf.value)
 
 
-def repeated(frf: FRF, channels: NDArray[np.int64]) -> Iterator[Verdict]:
+def repeated(frf: FRF, channels: Integers) -> Iterator[Verdict]:
     """Find outputs of one configuration that hold the same functions.
 
     Parameters
@@ -184,9 +185,7 @@ _WITHIN, _BETWEEN = 0.6, 0.35
 miss a peak where all their sensors are at a node; runs of other states meet a few by chance."""
 
 
-def run_states(
-    frf: FRF, channels: NDArray[np.int64], *, fewest_runs: int = 4, most_of: float = 0.5
-) -> Iterator[Verdict]:
+def run_states(frf: FRF, channels: Integers, *, fewest_runs: int = 4, most_of: float = 0.5) -> Iterator[Verdict]:
     """Find runs of two states among channels of one direction.
 
     Each run's resonances are the peaks of its summed power, and two runs are as alike as the share of peaks that they
@@ -235,9 +234,7 @@ def run_states(
     yield Verdict(check="states", level="fail", channel=(), band=None, message=message)
 
 
-def _resonances(
-    frf: FRF, channels: NDArray[np.int64], *, fewest_peaks: int = 3
-) -> tuple[NDArray[np.int64], list[NDArray[np.float64]]]:
+def _resonances(frf: FRF, channels: Integers, *, fewest_peaks: int = 3) -> tuple[Integers, list[Reals]]:
     """Return the runs that show enough peaks, and of each their frequencies, Hz.
 
     `fewest_peaks`: peaks that a run must show to be compared; fewer coincide by chance.
@@ -251,7 +248,7 @@ def _resonances(
     return np.array(numbers, dtype=np.int64), resonances
 
 
-def _alike(one: NDArray[np.float64], other: NDArray[np.float64], near: float, *, same: float = 0.008) -> float:
+def _alike(one: Reals, other: Reals, near: float, *, same: float = 0.008) -> float:
     """Return the share of peaks that two runs have in common.
 
     `same`: relative distance of two peaks up to which they may be one resonance: sensors and temperature shift by
@@ -262,13 +259,13 @@ def _alike(one: NDArray[np.float64], other: NDArray[np.float64], near: float, *,
     return float(close.any(axis=1).sum() + close.any(axis=0).sum()) / (one.size + other.size)
 
 
-def _listed(runs: NDArray[np.int64]) -> str:
+def _listed(runs: Integers) -> str:
     """Return numbers of runs, from 1, those in a row as a range."""
     rows = np.split(runs, np.flatnonzero(np.diff(runs) > 1) + 1)
     return ", ".join(f"{r[0] + 1}" if r.size == 1 else f"{r[0] + 1} to {r[-1] + 1}" for r in rows)
 
 
-def _peaks(resonances: list[NDArray[np.float64]], part: NDArray[np.intp]) -> str:
+def _peaks(resonances: list[Reals], part: NDArray[np.intp]) -> str:
     """Return the peaks of the run of a part that shows most."""
     most = max((resonances[i] for i in part), key=len)
     return ", ".join(f"{f:.5g}" for f in most[:4]) + (", ... Hz" if most.size > 4 else " Hz")

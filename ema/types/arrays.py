@@ -8,22 +8,21 @@ from typing import ParamSpec, TypeVar
 
 import numpy as np
 import scipy.linalg  # noqa: F401  # with its own BLAS, whose threads can be limited once it is there
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
+
+from lamella_arrays import Complexes, Integers
 
 BLOCK = 8
 """Outputs whose functions are worked on at a time."""
 
 
-def in_blocks(channels: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
+def in_blocks(channels: Integers) -> Iterator[Integers]:
     """Give channels, (n,), at most `BLOCK` at a time."""
     for start in range(0, channels.size, BLOCK):
         yield channels[start : start + BLOCK]
 
 
-def inner_products(
-    value: NDArray[np.complex128], rows: NDArray[np.int64] | None = None, *, lines: int = 1024
-) -> NDArray[np.complex128]:
+def inner_products(value: Complexes, rows: Integers | None = None, *, lines: int = 1024) -> Complexes:
     """Return the inner products, (n, n), of functions (n_all, n_frequency), without a copy of all of them.
 
     `rows`: of which functions, all where not given. `lines`: worked on at a time.

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lamella_shared import arrays, frozen, readonly
+from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays, frozen, readonly
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 """Response over force: displacement (m/N), velocity (m/(N s)) or acceleration (m/(N s2))."""
@@ -44,14 +43,14 @@ class FRF:
         Whether responses and forces have changed places, as for a roving hammer: outputs are then where it struck.
     """
 
-    frequency: NDArray[np.float64]
-    value: NDArray[np.complex128]
+    frequency: Reals
+    value: Complexes
     quantity: Quantity
     output: Dofs
     input: Dofs
-    run: NDArray[np.int64]
+    run: Integers
     source: tuple[str, ...]
-    coherence: NDArray[np.float64] | None = None
+    coherence: Reals | None = None
     decay_rate: float = 0.0
     reciprocal: bool = False
 
@@ -63,7 +62,7 @@ class FRF:
         """Return the lines with ``lower <= frequency <= upper`` (Hz)."""
         return self._lines((self.frequency >= lower) & (self.frequency <= upper))
 
-    def outputs(self, keep: NDArray[np.bool_]) -> FRF:
+    def outputs(self, keep: Booleans) -> FRF:
         """Return the outputs for which `keep` (n_output,) is true."""
         if np.all(keep):
             return self
@@ -95,7 +94,7 @@ class FRF:
         )
 
     @property
-    def sensor(self) -> NDArray[np.int64]:
+    def sensor(self) -> Integers:
         """Number of each output among those of its run, from 0: the accelerometer where some rove."""
         return place_in_run(self.run)
 
@@ -112,9 +111,9 @@ class FRF:
         factor = (2j * np.pi * lines.frequency) ** power
         return replace(lines, value=frozen(lines.value * factor), quantity=quantity)
 
-    def _lines(self, keep: NDArray[np.bool_]) -> FRF:
+    def _lines(self, keep: Booleans) -> FRF:
         (at,) = np.nonzero(keep)
-        chosen: slice | NDArray[np.bool_] = keep
+        chosen: slice | Booleans = keep
         if at.size and at[-1] - at[0] + 1 == at.size:
             chosen = slice(int(at[0]), int(at[-1]) + 1)  # the same memory
         return replace(
@@ -125,7 +124,7 @@ class FRF:
         )
 
 
-def place_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:
+def place_in_run(run: Integers) -> Integers:
     """Return the number of each output, (n_output,), among those of its run, from 0."""
     return np.array([np.count_nonzero(run[:i] == number) for i, number in enumerate(run)], dtype=np.int64)
 
@@ -147,10 +146,10 @@ class Geometry:
         were measured. Given empty, every point has the global axes.
     """
 
-    node: NDArray[np.int64]
-    coordinate: NDArray[np.float64]
-    line: NDArray[np.int64]
-    axes: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3, 3)))
+    node: Integers
+    coordinate: Reals
+    line: Integers
+    axes: Reals = field(default_factory=lambda: np.empty((0, 3, 3)))
 
     def __post_init__(self) -> None:
         node = readonly("Geometry", "node", self.node, (None,), np.int64)
@@ -194,8 +193,8 @@ class Dofs:
         Unit vector of the measured direction in global coordinates, sign included.
     """
 
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
+    node: Integers
+    direction: Reals
 
     def name(self, index: int) -> str:
         """Return a DOF as a campaign file writes it, ``12+z``, or its point and direction off the axes."""

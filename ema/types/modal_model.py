@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.types.errors import IdentificationError
 from ema.types.frf import DERIVATIVE, Dofs, Geometry, Quantity
-from lamella_shared import Shown, arrays, readonly
+from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays, readonly
+from lamella_shared import Shown
 
 RESOLVED = 0.01
 """Half bandwidths by which a pole of one run may be off for other reasons than noise: the flanks of modes beyond the
@@ -147,41 +147,41 @@ class ModalModel(Shown):
     """
 
     name: str
-    frequency: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    frequency_std: NDArray[np.float64]
-    damping_std: NDArray[np.float64]
-    pole: NDArray[np.complex128]
-    residue: NDArray[np.complex128]
-    lower: NDArray[np.complex128]
-    upper: NDArray[np.complex128]
-    outside_pole: NDArray[np.complex128]
-    outside_residue: NDArray[np.complex128]
-    shape: NDArray[np.complex128]
-    shape_std: NDArray[np.float64]
-    scaled: NDArray[np.bool_]
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
-    sensor: NDArray[np.int64]
+    frequency: Reals
+    damping: Reals
+    frequency_std: Reals
+    damping_std: Reals
+    pole: Complexes
+    residue: Complexes
+    lower: Complexes
+    upper: Complexes
+    outside_pole: Complexes
+    outside_residue: Complexes
+    shape: Complexes
+    shape_std: Reals
+    scaled: Booleans
+    node: Integers
+    direction: Reals
+    sensor: Integers
     input: Dofs
     band: tuple[float, float]
     geometry: Geometry
     quantity: Quantity
-    covariance: NDArray[np.float64]
-    residue_std: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    correlation: NDArray[np.float64]
-    error: NDArray[np.float64]
-    run: NDArray[np.int64]
-    run_pole: NDArray[np.complex128]
-    run_frequency_std: NDArray[np.float64]
-    run_damping_std: NDArray[np.float64]
-    run_probability: NDArray[np.float64]
+    covariance: Reals
+    residue_std: Reals
+    noise: Reals
+    correlation: Reals
+    error: Reals
+    run: Integers
+    run_pole: Complexes
+    run_frequency_std: Reals
+    run_damping_std: Reals
+    run_probability: Reals
     unexplained: tuple[UnexplainedPeak, ...] = ()
     decay_rate: float = 0.0
     sensor_shift: tuple[float, ...] = ()
     sensor_mass: float = 0.0
-    run_outside_pole: NDArray[np.complex128] | None = None
+    run_outside_pole: Complexes | None = None
     read_from: str = ""
 
     def __post_init__(self) -> None:
@@ -190,27 +190,27 @@ class ModalModel(Shown):
         object.__setattr__(self, "covariance", covariance)
 
     @property
-    def free_pole(self) -> NDArray[np.complex128]:
+    def free_pole(self) -> Complexes:
         """Poles without what a window and the mass of sensors add, rad/s, ``(n_mode,)``."""
         root = 1j * np.sqrt(1.0 - self.damping**2)
         return np.asarray(2.0 * np.pi * self.frequency * (root - self.damping))
 
     @property
-    def resolved_run_std(self) -> NDArray[np.float64]:
+    def resolved_run_std(self) -> Reals:
         """Standard deviations with which frequencies of runs are compared, Hz, ``(n_run, n_mode)``."""
         return np.hypot(self.run_frequency_std, RESOLVED * -self.pole.real / (2.0 * np.pi))
 
     @property
-    def run_frequency(self) -> NDArray[np.float64]:
+    def run_frequency(self) -> Reals:
         """Undamped natural frequency that each run alone gives, Hz, ``(n_run, n_mode)``."""
         return np.abs(self.run_pole) / (2.0 * np.pi)
 
-    def disagreeing_runs(self, level: float = 0.05) -> NDArray[np.bool_]:
+    def disagreeing_runs(self, level: float = 0.05) -> Booleans:
         """Tell which run differs from the others in which mode, ``(n_run, n_mode)``, at a false alarm rate."""
         return self.run_probability < level
 
 
-def synthesize(modal_model: ModalModel, frequency: NDArray[np.float64], quantity: Quantity) -> NDArray[np.complex128]:
+def synthesize(modal_model: ModalModel, frequency: Reals, quantity: Quantity) -> Complexes:
     """Evaluate the functions that a modal model stands for.
 
     Parameters
@@ -243,9 +243,7 @@ def synthesize(modal_model: ModalModel, frequency: NDArray[np.float64], quantity
     return np.asarray(np.concatenate(terms, axis=-1) @ np.vstack(lines))  # one product: it may be large
 
 
-def synthesize_runs(
-    modal_model: ModalModel, frequency: NDArray[np.float64], quantity: Quantity, run: NDArray[np.int64]
-) -> NDArray[np.complex128]:
+def synthesize_runs(modal_model: ModalModel, frequency: Reals, quantity: Quantity, run: Integers) -> Complexes:
     """Evaluate the functions that were measured, each as its own run has it.
 
     That is `synthesize` where one set of poles serves all runs. Modal constants stay, a residue is one of them over its

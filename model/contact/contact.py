@@ -24,8 +24,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 import scipy
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from model.contact.pressing import pressure_distribution, separate
 from model.elements.equations import Kron, Monomial, Target, Term
 from model.elements.mesh import Derivative, Field, Plan
@@ -45,11 +45,7 @@ def mean(n_lamina: int) -> sp.csr_array:
 
 
 def tangential_krons(
-    plan: Plan,
-    spacing: NDArray[np.float64] | float,
-    modulus: NDArray[np.float64],
-    weight: NDArray[np.float64] | float = 1.0,
-    axes: str = "xy",
+    plan: Plan, spacing: Reals | float, modulus: Reals, weight: Reals | float = 1.0, axes: str = "xy"
 ) -> tuple[Kron, ...]:
     """Return the tangential contact stiffness for a shear modulus modulus[k] weight(x, y).
 
@@ -83,12 +79,7 @@ def tangential_krons(
     return tuple(krons)
 
 
-def normal_krons(
-    plan: Plan,
-    spacing: NDArray[np.float64] | float,
-    modulus: NDArray[np.float64],
-    weight: NDArray[np.float64] | float = 1.0,
-) -> tuple[Kron, ...]:
+def normal_krons(plan: Plan, spacing: Reals | float, modulus: Reals, weight: Reals | float = 1.0) -> tuple[Kron, ...]:
     """Return the normal contact stiffness for a tangent modulus modulus[k] weight(x, y).
 
     Parameters
@@ -109,9 +100,8 @@ def normal_krons(
 
 SEPARATION = 1e-6  # largest error of a field written as a sum of products, relative to its largest value
 
-Vector = NDArray[np.float64]
 
-Product = tuple[Vector, Vector | float]  # over the interfaces, over the plan
+Product = tuple[Reals, Reals | float]  # over the interfaces, over the plan
 
 ContactQuantity = Literal["pressure", "normal", "pressure squared", "pressure times normal"]
 
@@ -134,7 +124,7 @@ class ContactField:
     plan: Plan
     products: Sequence[Product]
 
-    def tangential(self, modulation: Vector | float = 1.0, axes: str = "xy") -> tuple[Kron, ...]:
+    def tangential(self, modulation: Reals | float = 1.0, axes: str = "xy") -> tuple[Kron, ...]:
         """Return the tangential stiffness with the field, times a `modulation` over the plan, as shear modulus."""
         return tuple(
             kron
@@ -142,7 +132,7 @@ class ContactField:
             for kron in tangential_krons(self.plan, self.stack.spacing, over_z, _times(weight, modulation), axes)
         )
 
-    def normal(self, modulation: Vector | float = 1.0) -> tuple[Kron, ...]:
+    def normal(self, modulation: Reals | float = 1.0) -> tuple[Kron, ...]:
         """Return the normal stiffness with the field, times a `modulation` over the plan, as tangent modulus."""
         return tuple(
             kron
@@ -150,12 +140,12 @@ class ContactField:
             for kron in normal_krons(self.plan, self.stack.spacing, over_z, _times(weight, modulation))
         )
 
-    def over_interfaces(self, share: Vector) -> ContactField:
+    def over_interfaces(self, share: Reals) -> ContactField:
         """Return the field with each interface multiplied by its `share`, (n_interface,)."""
         return replace(self, products=[(share * over_z, weight) for over_z, weight in self.products])
 
 
-def _times(weight: Vector | float, modulation: Vector | float) -> Vector | float:
+def _times(weight: Reals | float, modulation: Reals | float) -> Reals | float:
     return weight if isinstance(modulation, float) and modulation == 1.0 else weight * modulation
 
 
@@ -208,7 +198,7 @@ def contact_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     )
 
 
-def _products(value: Vector, shape: tuple[int, ...]) -> list[Product]:
+def _products(value: Reals, shape: tuple[int, ...]) -> list[Product]:
     found = separate(value, SEPARATION)
     return [(over_z, weight.reshape(shape)) for over_z, weight in zip(found.over_z, found.over_plan, strict=True)]
 
@@ -281,13 +271,13 @@ class SlipLaw:
         """Return the shear strain gamma_slide from which an interface slides as a whole (Segalman 2005, eq. 23)."""
         return self.friction / (G_f * self.strength)
 
-    def stress(self, x: Vector) -> Vector:
+    def stress(self, x: Reals) -> Reals:
         """Return the stress at strains x, 0 or above, at first loading (Segalman 2005, eq. 20), (n,)."""
         density, _ = self._power
         below = x - density * x ** (self.exponent + 2.0) / ((self.exponent + 1.0) * (self.exponent + 2.0))
         return np.where(x < 1.0, below, self.strength)
 
-    def softening(self, x: Vector) -> Vector:
+    def softening(self, x: Reals) -> Reals:
         """Return by which share a cycle of strain amplitude x, 0 or above, lowers the stiffness, (n,).
 
         It is that of the stress's first harmonic. The loop is the curve of first loading, twice as large (Masing's
@@ -314,7 +304,7 @@ class SlipLaw:
         gamma = np.exp(scipy.special.gammaln(n + 0.5) - scipy.special.gammaln(n + 1.0))
         return float(4.0 / np.sqrt(np.pi) * gamma / (n + 1.0) * self._power[0] / (n - 1.0))
 
-    def growth(self, x: Vector) -> Vector:
+    def growth(self, x: Reals) -> Reals:
         """Return the derivative of `softening` by the logarithm of the strain amplitude x, (n,)."""
         _, spike = self._power
         grown = (self.exponent + 1.0) * self.softening(np.minimum(x, 1.0))
@@ -324,7 +314,7 @@ class SlipLaw:
             grown[beyond] = _growing(limit / x[beyond, None]) @ weight + spike * _growing(1.0 / x[beyond])
         return grown
 
-    def loss(self, x: Vector) -> Vector:
+    def loss(self, x: Reals) -> Reals:
         """Return the energy lost in a cycle of strain amplitude x over pi x**2, a loss factor, (n,).
 
         Below sliding it is Segalman 2005, eq. 28; beyond, each slider of limit t loses 4 t (x - t).
@@ -336,14 +326,14 @@ class SlipLaw:
         return 4.0 * slid / (np.pi * np.where(x > 0.0, x, 1.0) ** 2)
 
     @cached_property
-    def _limits(self) -> tuple[Vector, Vector]:
+    def _limits(self) -> tuple[Reals, Reals]:
         """Slip limits and weights that integrate over the power law (Gauss and Jacobi)."""
         nodes = 60  # of the integral over slip limits where everything slides at the peak
         density, _ = self._power
         node, weight = scipy.special.roots_jacobi(nodes, 0.0, self.exponent)
         return 0.5 * (node + 1.0), density * weight / 2.0 ** (self.exponent + 1.0)
 
-    def sliders(self, count: int) -> tuple[Vector, Vector]:
+    def sliders(self, count: int) -> tuple[Reals, Reals]:
         """Return slip limits and stiffnesses, ``(count + 1,)`` each, of that many Jenkins elements and of the spike.
 
         The power law is cut into equal parts of its stiffness, each of which slips where it does on average.
@@ -356,12 +346,12 @@ class SlipLaw:
         return np.append(limit, 1.0), np.append(stiffness, spike)
 
 
-def _jenkins(limit: Vector) -> Vector:
+def _jenkins(limit: Reals) -> Reals:
     """Return the first harmonic of a Jenkins element's stress over that of its spring, for a slip limit 0 to 1."""
     angle = np.arccos(np.clip(1.0 - 2.0 * limit, -1.0, 1.0))
     return np.asarray((angle - np.sin(angle) * np.cos(angle)) / np.pi)
 
 
-def _growing(limit: Vector) -> Vector:
+def _growing(limit: Reals) -> Reals:
     """Return the derivative of `_jenkins` by the logarithm of the slip limit."""
     return np.asarray(8.0 / np.pi * limit**1.5 * np.sqrt(1.0 - limit))

@@ -15,9 +15,8 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
-from numpy.typing import NDArray
 
-from lamella_shared import arrays, readonly
+from lamella_arrays import Booleans, Reals, arrays, readonly
 from model.elements.mesh import Plan, plan_of
 from model.elements.terms import footprint_points, plate_form
 from model.stack.errors import SolveError, StackError
@@ -41,8 +40,8 @@ class InterfaceLaw:
     """
 
     curve: CompressionCurve
-    spacing: Vector
-    layer_modulus: Vector
+    spacing: Reals
+    layer_modulus: Reals
 
     @classmethod
     def of(cls, stack: Stack, curve: CompressionCurve) -> InterfaceLaw:
@@ -54,11 +53,11 @@ class InterfaceLaw:
         return cls(curve=curve, spacing=spacing, layer_modulus=modulus)
 
     @property
-    def is_layer(self) -> NDArray[np.bool_]:
+    def is_layer(self) -> Booleans:
         """Whether an interface holds a soft layer, (n_interface,)."""
         return self.layer_modulus > 0.0
 
-    def __call__(self, strain: Vector) -> tuple[Vector, Vector]:
+    def __call__(self, strain: Reals) -> tuple[Reals, Reals]:
         """Return pressure and tangent modulus, Pa, for strains (n_interface, n)."""
         pressure, tangent = self.curve.evaluate(strain)
         layers = self.is_layer
@@ -69,7 +68,7 @@ class InterfaceLaw:
             tangent[layers] = np.where(closed, modulus, 0.0)
         return pressure, tangent
 
-    def strain_at(self, pressure: float) -> Vector:
+    def strain_at(self, pressure: float) -> Reals:
         """Return the strain of every interface at one pressure, (n_interface,)."""
         touching = self.curve.strain_at(pressure)
         return np.where(self.is_layer, pressure / np.where(self.is_layer, self.layer_modulus, 1.0), touching)
@@ -95,10 +94,10 @@ class PressureSummary:
     """
 
     mean: float
-    interface_mean: Vector
-    lowest: Vector
-    highest: Vector
-    lost_contact: Vector
+    interface_mean: Reals
+    lowest: Reals
+    highest: Reals
+    lost_contact: Reals
     force: float
     residual: float
 
@@ -127,10 +126,10 @@ class PressureField:
 
     plan: Plan
     law: InterfaceLaw
-    deflection: Vector
-    pressure: Vector
+    deflection: Reals
+    pressure: Reals
     force: float
-    residual: Vector
+    residual: Reals
     n_step: int
 
     def __post_init__(self) -> None:
@@ -149,12 +148,12 @@ class PressureField:
         return self.force / self.plan.area
 
     @property
-    def interface_force(self) -> Vector:
+    def interface_force(self) -> Reals:
         """Pressure of each interface integrated over the plan, (n_interface,) N; each equals `force`."""
         return np.asarray(np.sum(self.pressure * self.plan.membrane.dx, axis=(1, 2)))
 
     @property
-    def lost_contact(self) -> Vector:
+    def lost_contact(self) -> Reals:
         """Share of the plan where an interface carries no pressure, (n_interface,)."""
         dx = self.plan.membrane.dx
         return np.asarray(np.sum((self.pressure <= 0.0) * dx, axis=(1, 2)) / dx.sum())
@@ -171,7 +170,7 @@ class PressureField:
             residual=float(self.residual[-1]),
         )
 
-    def at(self, points: Vector) -> tuple[Vector, Vector]:
+    def at(self, points: Reals) -> tuple[Reals, Reals]:
         """Return pressure and normal tangent modulus, Pa, (n_interface, n) each, at points (n, 2) of the plan.
 
         Where contact is lost, the pressure is 0 and the tangent is the curve's at 0, as between sheets that just
@@ -196,12 +195,12 @@ class Separated:
         Largest difference from the field, relative to the field's largest absolute value.
     """
 
-    over_z: Vector
-    over_plan: Vector
+    over_z: Reals
+    over_plan: Reals
     error: float
 
 
-def separate(value: Vector, tolerance: float) -> Separated:
+def separate(value: Reals, tolerance: float) -> Separated:
     """Write a field (n_interface, n_point) as the shortest sum of products within a tolerance.
 
     The products are those of the singular value decomposition, which is the best approximation for each
@@ -223,9 +222,6 @@ def separate(value: Vector, tolerance: float) -> Separated:
     )
 
 
-Vector = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Problem:
     """Equilibrium of all laminas.
@@ -237,22 +233,22 @@ class _Problem:
     bending: sp.csr_matrix
     face_bending: sp.csr_matrix
     face_ratio: float
-    rigid: Vector
+    rigid: Reals
     evaluate: sp.csr_matrix
-    area: Vector
+    area: Reals
     law: InterfaceLaw
-    closed: Vector
+    closed: Reals
     is_rigid: bool
 
-    def contact(self, w: Vector) -> tuple[Vector, Vector]:
+    def contact(self, w: Reals) -> tuple[Reals, Reals]:
         """Return pressure and tangent modulus at all quadrature points, (n_interface, n_point) each."""
         return self.law(self.closed[:, None] + self.strain(w))
 
-    def strain(self, w: Vector) -> Vector:
+    def strain(self, w: Reals) -> Reals:
         """Return the compressive strain that a deflection adds to the interfaces at all quadrature points."""
         return -np.diff((self.evaluate @ w.T).T, axis=0) / self.law.spacing[:, None]
 
-    def allowed(self, x: Vector) -> Vector:
+    def allowed(self, x: Reals) -> Reals:
         """Return the part of a force or deflection that the plates allow: rigid ones move as a whole."""
         if self.is_rigid:
             x = x.copy()
@@ -260,13 +256,13 @@ class _Problem:
                 x[face] = self.rigid @ (self.rigid.T @ x[face])
         return x
 
-    def _bend(self, x: Vector) -> Vector:
+    def _bend(self, x: Reals) -> Reals:
         y = (self.bending @ x.T).T
         for face in (0, -1):
             y[face] += self.face_bending @ x[face]
         return np.asarray(y)
 
-    def _gather(self, flux: Vector) -> Vector:
+    def _gather(self, flux: Reals) -> Reals:
         """Return the forces on the laminas of pressures given at all quadrature points of all interfaces."""
         force = (self.evaluate.T @ (flux * self.area).T).T
         total = np.zeros((force.shape[0] + 1, force.shape[1]))
@@ -274,15 +270,15 @@ class _Problem:
         total[1:] -= force
         return total
 
-    def internal(self, w: Vector, pressure: Vector) -> Vector:
+    def internal(self, w: Reals, pressure: Reals) -> Reals:
         """Return the forces that hold the deflection `w`."""
         return self.allowed(self._bend(w) + self._gather(pressure))
 
-    def tangent_product(self, x: Vector, tangent: Vector) -> Vector:
+    def tangent_product(self, x: Reals, tangent: Reals) -> Reals:
         """Return the tangent stiffness times a deflection."""
         return self.allowed(self._bend(x) + self._gather(tangent * self.strain(x)))
 
-    def preconditioner(self, tangent: Vector) -> Callable[[Vector], Vector]:
+    def preconditioner(self, tangent: Reals) -> Callable[[Reals], Reals]:
         """Return the product with the inverse of the nearest stiffness that separates into z and plan.
 
         The tangent over spacing E(x, y, k) becomes e(k) m(x, y). In the modes of the chain e the laminas
@@ -306,7 +302,7 @@ class _Problem:
             for g in np.unique(group)
         }
 
-        def apply(r: Vector) -> Vector:
+        def apply(r: Reals) -> Reals:
             modal = vectors.T @ r
             for g, solve in solves.items():
                 members = group == g
@@ -377,7 +373,7 @@ def _pressing_of(stack: Stack) -> Pressing:
     return pressing
 
 
-def _in_load_steps(stack: Stack, problem: _Problem, plan: Plan, force: float) -> tuple[Vector, list[float], int]:
+def _in_load_steps(stack: Stack, problem: _Problem, plan: Plan, force: float) -> tuple[Reals, list[float], int]:
     """Put the clamps' load in place of the uniform one, step by step.
 
     Returns the deflections beyond uniform compression, the residuals of the last step, and the number of steps.
@@ -434,7 +430,7 @@ def _problem(stack: Stack, plan: Plan, pressing: Pressing, law: InterfaceLaw) ->
     )
 
 
-def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[float]]:
+def _newton(problem: _Problem, w: Reals, load: Reals) -> tuple[Reals, list[float]]:
     """Return the equilibrium under `load` and the relative residuals of the iteration, the last one below 1e-8.
 
     A residual is measured in the norm of the preconditioner, where forces and moments count alike.
@@ -465,8 +461,8 @@ def _newton(problem: _Problem, w: Vector, load: Vector) -> tuple[Vector, list[fl
 
 
 def _conjugate_gradients(
-    problem: _Problem, tangent: Vector, precondition: Callable[[Vector], Vector], residual: Vector
-) -> Vector:
+    problem: _Problem, tangent: Reals, precondition: Callable[[Reals], Reals], residual: Reals
+) -> Reals:
     forcing = 1e-2  # residual of the linear solution relative to the Newton residual
     max_cg = 400
     step, r = np.zeros_like(residual), residual.copy()

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effects.parts import Vector, clamps_of, pressure_change
+from lamella_arrays import Reals
+from model.effects.parts import clamps_of, pressure_change
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter
 
@@ -22,7 +23,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     stack = assembly.stack
     clamps = clamps_of(assembly, "clamp_width")
 
-    def shape(x: Vector, y: Vector) -> Vector:
+    def shape(x: Reals, y: Reals) -> Reals:
         bells = [
             clamp.share
             * np.exp(

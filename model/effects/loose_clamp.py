@@ -24,7 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from model.effects.parts import Bell, Vector, clamp_bells, clamps_of, pressure_change, rigid_clamp
+from lamella_arrays import Reals
+from model.effects.parts import Bell, clamp_bells, clamps_of, pressure_change, rigid_clamp
 from model.elements.equations import Assembly, Riding, Term, Theta
 from model.stack.effect import Effect, Parameter
 from model.stack.errors import EffectError
@@ -65,7 +66,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     return (*itertools.chain.from_iterable(bells), *rides)
 
 
-def _lost(x: Vector, y: Vector, bell: Bell) -> Vector:
+def _lost(x: Reals, y: Reals, bell: Bell) -> Reals:
     """Return what is lost of the pressure, -1 in the middle of a bell."""
     return -bell(x, y)
 

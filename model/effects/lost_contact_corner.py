@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effects.parts import Vector, pressure_change
+from lamella_arrays import Reals
+from model.effects.parts import pressure_change
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter
 
@@ -21,7 +22,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the change of the pressure field."""
     stack = assembly.stack
 
-    def shape(x: Vector, y: Vector) -> Vector:
+    def shape(x: Reals, y: Reals) -> Reals:
         along = (x - stack.length / 2.0) / (stack.length / 6.0)
         across = (y - stack.width / 2.0) / (stack.width / 3.0)
         return np.asarray(-np.exp(-0.5 * along**2 - 0.5 * across**2))

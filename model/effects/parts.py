@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from model.contact.contact import contact_fields
 from model.elements.equations import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
 from model.elements.mesh import FIELDS, Derivative, Field
@@ -21,9 +21,7 @@ from model.stack.errors import EffectError
 from model.stack.parts import Clamp, Instruments
 from model.stack.stack import Stack
 
-Vector = NDArray[np.float64]
-
-Bell = Callable[[Vector, Vector], Vector]
+Bell = Callable[[Reals, Reals], Reals]
 """From x and y, m, to a share that is 1 in the middle of something and falls to 0 about it."""
 
 N_STATION = 11
@@ -116,7 +114,7 @@ def tie(stack: Stack) -> sp.csr_array:
     return sp.csr_array(row.T @ row)
 
 
-def reach(stack: Stack) -> Vector:
+def reach(stack: Stack) -> Reals:
     """Return the row over the laminas, (1, n_lamina), that takes the mean strain over the height times the height.
 
     One lamina has none: its row is 0.
@@ -146,7 +144,7 @@ def mean_over(
 
 def _weighted(
     assembly: Assembly, centre: tuple[float, float], size: tuple[float, float], *, tapered: bool
-) -> tuple[Vector, Vector]:
+) -> tuple[Reals, Reals]:
     """Return points, (n, 2), of a rectangle of the plan and their weights, which sum to 1."""
     points, weights = footprint_points(centre, size, assembly.plan)
     if tapered:
@@ -265,14 +263,14 @@ def clamp_bells(stack: Stack, clamp: Clamp) -> tuple[Bell, Bell]:
     cone = [0.5 * (side + slope * stack.height) / math.sqrt(3.0) for side in clamp.footprint]
     spaced = max(0.5 * stack.length / len(stack.clamps), *cone)
 
-    def bell(x: Vector, y: Vector, width: Sequence[float]) -> Vector:
+    def bell(x: Reals, y: Reals, width: Sequence[float]) -> Reals:
         away = ((x - clamp.x) / width[0]) ** 2 + ((y - clamp.y) / width[1]) ** 2
         return np.asarray(np.exp(-0.5 * away))
 
     return partial(bell, width=cone), partial(bell, width=(spaced, spaced))
 
 
-def point_mass(assembly: Assembly, effect: str, parameter: str, points: Vector, share: float = 1.0) -> tuple[Term, ...]:
+def point_mass(assembly: Assembly, effect: str, parameter: str, points: Reals, share: float = 1.0) -> tuple[Term, ...]:
     """Return the term of masses at points (n, 2) of the plan, spread over the height, in all directions.
 
     Each point gets a `share` of the mass that the parameter states.
@@ -282,7 +280,7 @@ def point_mass(assembly: Assembly, effect: str, parameter: str, points: Vector, 
     return (Term(name=effect, target="M", factor=Monomial(exponent={parameter: 1}), krons=krons),)
 
 
-def centred(weight: Vector, dx: Vector, corner: Vector) -> Vector:
+def centred(weight: Reals, dx: Reals, corner: Reals) -> Reals:
     """Return a change of pressure that keeps the force: without mean, and -1 where pressure falls most.
 
     That may be at a `corner` of an element: by its values at the quadrature points alone, a loss at the ends would
@@ -394,7 +392,7 @@ def pressure_change(
     assembly: Assembly,
     effect: str,
     amplitude: str,
-    shape: Callable[[Vector, Vector], Vector],
+    shape: Callable[[Reals, Reals], Reals],
     share: Callable[[Theta], Any] = everywhere,
 ) -> tuple[Term, ...]:
     """Return the terms of a pressure p (1 + a f(x, y)) in place of p, with the amplitude a.

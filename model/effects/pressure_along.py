@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effects.parts import Vector, pressure_change
+from lamella_arrays import Reals
+from model.effects.parts import pressure_change
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter
 
@@ -22,7 +23,7 @@ from model.stack.effect import Effect, Parameter
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the change of the pressure field."""
 
-    def shape(x: Vector, y: Vector) -> Vector:
+    def shape(x: Reals, y: Reals) -> Reals:
         return np.asarray(x + 0.0 * y)
 
     return pressure_change(assembly, "pressure_along", "tilt_along", shape)

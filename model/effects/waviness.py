@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from model.effects.parts import Vector, pressure_change
+from lamella_arrays import Reals
+from model.effects.parts import pressure_change
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter
 
@@ -21,7 +22,7 @@ def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the change of the pressure field."""
     stack = assembly.stack
 
-    def shape(x: Vector, y: Vector) -> Vector:
+    def shape(x: Reals, y: Reals) -> Reals:
         return np.asarray(np.cos(8.0 * np.pi * x / stack.length) + 0.0 * y)
 
     return pressure_change(assembly, "waviness", "wave_amplitude", shape)

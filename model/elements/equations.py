@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from model.elements.mesh import FIELDS, Field, Plan
 from model.stack.errors import SolveError
 from model.stack.stack import Stack
@@ -364,7 +365,7 @@ class Assembly:
                 add(kron.column, kron.row, kron.z.T, kron.planar.T)
         return y
 
-    def project_z(self, phi: Mapping[Field, NDArray[np.float64]]) -> Assembly:
+    def project_z(self, phi: Mapping[Field, Reals]) -> Assembly:
         """Return the Galerkin projection on x = sum over j of phi[field][:, j] x_j, for each field.
 
         Terms that share their products still do.

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from skfem.element.discrete_field import DiscreteField
 from skfem.element.element_global import ElementGlobal
 
+from lamella_arrays import Integers, Reals
 from model.stack.outline import Triangulation
 from model.stack.stack import Stack
 
@@ -52,7 +53,7 @@ class PowersOnce(ElementGlobal):  # type: ignore[misc]  # skfem has no types
                 found[len(which)][which] += weight[:, row][:, None] * value
         return (DiscreteField(value=found[0], grad=found[1], hess=found[2]),)
 
-    def shapes(self, mapping: Any, X: Any, tind: Any, which: tuple[int, ...]) -> NDArray[np.float64]:
+    def shapes(self, mapping: Any, X: Any, tind: Any, which: tuple[int, ...]) -> Reals:
         """Return one derivative of all shape functions at places of cells, (n_shape, n_cell, n_place)."""
         if self.V is None:  # what it is made of is made there
             super().gbasis(mapping, X[..., :1], 0, tind)
@@ -82,7 +83,7 @@ FIELDS: tuple[Field, ...] = ("u", "v", "w")
 Derivative = Literal["", "x", "y", "xx", "xy", "yy"]
 
 
-def _derivative(field: Any, derivative: Derivative) -> NDArray[np.float64]:
+def _derivative(field: Any, derivative: Derivative) -> Reals:
     axes = ["xy".index(letter) for letter in derivative]
     tensor = (field, field.grad, field.hess)[len(axes)]
     return np.asarray(tensor)[tuple(axes)] if axes else np.asarray(tensor)
@@ -122,12 +123,12 @@ class Plan:
         columns = np.broadcast_to(np.arange(dofs.shape[1]), dofs.shape)
         return sp.coo_matrix((np.ones(dofs.size), (dofs.ravel(), columns.ravel()))).tocsr()
 
-    def abscissa(self, field: Field) -> NDArray[np.float64]:
+    def abscissa(self, field: Field) -> Reals:
         """Return x of each degree of freedom of a field, (size(field),) m."""
         return np.asarray(self.basis(field).doflocs[0])
 
     @property
-    def quadrature_points(self) -> NDArray[np.float64]:
+    def quadrature_points(self) -> Reals:
         """Coordinates of the quadrature points, (2, n_element, n_point) m."""
         return np.asarray(self.membrane.global_coordinates())
 
@@ -137,7 +138,7 @@ class Plan:
         return float(self.membrane.dx.sum())
 
     @property
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Reals:
         """Lowest and highest x, lowest and highest y, ((2, 2)) m."""
         p = self.membrane.mesh.p
         return np.column_stack([p.min(axis=1), p.max(axis=1)])
@@ -147,7 +148,7 @@ class Plan:
         row: Field,
         column: Field,
         derivatives: tuple[Derivative, Derivative] = ("", ""),
-        weight: NDArray[np.float64] | float = 1.0,
+        weight: Reals | float = 1.0,
     ) -> sp.csr_matrix:
         """Integrate the product of two fields' shape functions, or of their derivatives, over the plan.
 
@@ -181,14 +182,14 @@ class Plan:
         rows = np.broadcast_to(np.arange(values.shape[1]), values.shape)
         return sp.coo_matrix((values.ravel(), (rows.ravel(), columns.ravel())), (values.shape[1], basis.N)).tocsr()
 
-    def interpolate(self, field: Field, linear: tuple[float, float, float]) -> NDArray[np.float64]:
+    def interpolate(self, field: Field, linear: tuple[float, float, float]) -> Reals:
         """Return the degrees of freedom, (size(field),), of the linear function c0 + c1 x + c2 y."""
         return np.asarray(self._linear["w" if field == "w" else "u"] @ linear)
 
     @functools.cached_property
-    def _linear(self) -> dict[Field, NDArray[np.float64]]:
+    def _linear(self) -> dict[Field, Reals]:
         """Degrees of freedom of 1, x and y in the spaces of u and w, (size(field), 3) each."""
-        found: dict[Field, NDArray[np.float64]] = {}
+        found: dict[Field, Reals] = {}
         x, y = self.quadrature_points
         for field in ("u", "w"):
             basis = self.basis(field)
@@ -200,7 +201,7 @@ class Plan:
             found[field] = splinalg.splu(mass.tocsc()).solve(load)
         return found
 
-    def point_rows(self, field: Field, points: NDArray[np.float64], derivative: Derivative = "") -> sp.csr_matrix:
+    def point_rows(self, field: Field, points: Reals, derivative: Derivative = "") -> sp.csr_matrix:
         """Return the matrix that evaluates a field, or a derivative of it, at points of the plan.
 
         A place outside the outline, such as one on the arc beside its polygon, counts as the nearest one inside.
@@ -232,11 +233,11 @@ class Plan:
             (values.ravel(), (rows.ravel(), basis.element_dofs[:, cells].ravel())), (x.shape[1], basis.N)
         ).tocsr()
 
-    def nearest(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def nearest(self, points: Reals) -> Reals:
         """Return the points, (n, 2), of the plan that are nearest to places (n, 2)."""
         return self._located(np.asarray(points, dtype=float))[0].T
 
-    def _located(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    def _located(self, points: Reals) -> tuple[Reals, NDArray[np.intp]]:
         """Return the nearest points of the plan, (2, n), and the elements that they lie in."""
         nearest = 12  # triangles tried for the place of a point
         mesh = self.membrane.mesh
@@ -253,7 +254,7 @@ class Plan:
         return candidate[rows, chosen].T, near[rows, chosen]
 
 
-def _nearest_in_triangle(point: NDArray[np.float64], corner: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nearest_in_triangle(point: Reals, corner: Reals) -> Reals:
     """Return the points (..., 2) of triangles (..., 3, 2) that are nearest to points (..., 2)."""
     point = np.broadcast_to(point, (*corner.shape[:-2], 2))
     edge = np.roll(corner, -1, axis=-2) - corner
@@ -285,7 +286,7 @@ def rectangle(length: float, width: float, n_x: int, n_y: int, edges: Sequence[f
     return plan_on(mesh.p, mesh.t)
 
 
-def _cuts(length: float, n: int, edges: Sequence[float]) -> NDArray[np.float64]:
+def _cuts(length: float, n: int, edges: Sequence[float]) -> Reals:
     """Return where elements end, from -length / 2 to length / 2."""
     # Of an element, from which a part has one more: the sizes of stacks and clamps make just a half common, and then
     # neither rounding nor a dimension that is slightly off may change the mesh.
@@ -307,7 +308,7 @@ def triangles(mesh: Triangulation) -> Plan:
     return plan_on(np.ascontiguousarray(mesh.point.T), np.ascontiguousarray(mesh.triangle.T))
 
 
-def plan_on(point: NDArray[np.float64], cell: NDArray[np.int64]) -> Plan:
+def plan_on(point: Reals, cell: Integers) -> Plan:
     """Take a lamina that is cut into rectangles or triangles.
 
     Parameters

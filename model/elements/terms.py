@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 import scipy.sparse as sp
 import skfem
-from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from model.elements.equations import Assembly, Kron, Monomial, Term
 from model.elements.mesh import FIELDS, Field, Plan
 from model.stack.parts import Clamp, Edge, EdgeSupport, PatchSupport
@@ -88,9 +88,7 @@ def lamina_terms(stack: Stack, plan: Plan) -> tuple[Term, ...]:
     )
 
 
-def footprint_points(
-    centre: tuple[float, float], size: tuple[float, float], plan: Plan
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def footprint_points(centre: tuple[float, float], size: tuple[float, float], plan: Plan) -> tuple[Reals, Reals]:
     """Return points (n, 2) of a rectangle on the plan and their weights (n,), which sum to 1.
 
     The rectangle is cut along the lines of the mesh, with three Gauss points in each direction between them, so
@@ -116,7 +114,7 @@ def footprint_points(
     return np.column_stack([x.ravel(), y.ravel()]), np.outer(*shares).ravel()
 
 
-def height_shares(clamp: Clamp, n_lamina: int) -> NDArray[np.float64]:
+def height_shares(clamp: Clamp, n_lamina: int) -> Reals:
     """Return which share of a clamp's mass each lamina carries, (n_lamina,)."""
     if clamp.distribution == "height":
         return np.full(n_lamina, 1.0 / n_lamina)
@@ -245,7 +243,7 @@ def _patch_matrix(plan: Plan, field: str, support: PatchSupport) -> sp.csr_matri
     return (rows.T @ sp.diags_array(weights * area) @ rows).tocsr()
 
 
-def _held_laminas(laminas: str, n_lamina: int) -> NDArray[np.float64]:
+def _held_laminas(laminas: str, n_lamina: int) -> Reals:
     held = np.zeros(n_lamina)
     if laminas == "all":
         held[:] = 1.0
@@ -256,7 +254,7 @@ def _held_laminas(laminas: str, n_lamina: int) -> NDArray[np.float64]:
     return held
 
 
-def rigid_body_modes(assembly: Assembly, stack: Stack, phi: Mapping[Field, NDArray[np.float64]]) -> NDArray[np.float64]:
+def rigid_body_modes(assembly: Assembly, stack: Stack, phi: Mapping[Field, Reals]) -> Reals:
     """Return three translations and three rotations, (assembly.size, 6).
 
     `phi` holds the through-thickness functions of the assembly's coordinates, (n_lamina, n_z) for each field: the
@@ -265,12 +263,12 @@ def rigid_body_modes(assembly: Assembly, stack: Stack, phi: Mapping[Field, NDArr
     plan, where = assembly.plan, assembly.slices()
     one = np.ones(stack.n_lamina)
 
-    def planar(field: Field, function: str) -> NDArray[np.float64]:
+    def planar(field: Field, function: str) -> Reals:
         return plan.interpolate(field, {"1": (1.0, 0.0, 0.0), "x": (0.0, 1.0, 0.0), "y": (0.0, 0.0, 1.0)}[function])
 
     modes = np.zeros((assembly.size, 6))
 
-    def add(mode: int, field: Field, over_z: NDArray[np.float64], function: str, sign: float = 1.0) -> None:
+    def add(mode: int, field: Field, over_z: Reals, function: str, sign: float = 1.0) -> None:
         modes[where[field], mode] = sign * np.outer(phi[field].T @ over_z, planar(field, function)).ravel()
 
     add(0, "u", one, "1")

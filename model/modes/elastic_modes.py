@@ -12,6 +12,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from lamella_arrays import Booleans, Reals
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import InRange, Matrix, ReducedEquations, full
 from model.solvers.eigen import inverse_iterated, orthogonal_answers
@@ -27,13 +28,13 @@ class Derivatives:
     the damping, where its `coupling` S is the sum of c_rs**2 / (lambda_s - lambda_r) over the other modes.
     """
 
-    eigenvalue: NDArray[np.float64]
-    coordinate: NDArray[np.float64]
-    modal_damping: NDArray[np.float64]
-    coupling: NDArray[np.float64]
-    d_eigenvalue: NDArray[np.float64]
-    d_shape: NDArray[np.float64]
-    d_modal_damping: NDArray[np.float64]
+    eigenvalue: Reals
+    coordinate: Reals
+    modal_damping: Reals
+    coupling: Reals
+    d_eigenvalue: Reals
+    d_shape: Reals
+    d_modal_damping: Reals
 
     def without_omega(self) -> Derivatives:
         """Return the derivatives along the modes' own frequency, which was the last parameter.
@@ -52,9 +53,7 @@ class Derivatives:
         )
 
     @classmethod
-    def steady(
-        cls, eigenvalue: NDArray[np.float64], coordinate: NDArray[np.float64], n_dof: int, n_parameter: int
-    ) -> Derivatives:
+    def steady(cls, eigenvalue: Reals, coordinate: Reals, n_dof: int, n_parameter: int) -> Derivatives:
         """Return modes that no parameter changes, undamped: rigid-body motion, of which any mixture is as good."""
         n_mode = eigenvalue.size
         return cls(
@@ -87,7 +86,7 @@ class Derivatives:
         first, *rest = parts
         return first._each(lambda axis, value, *others: np.concatenate([value, *others], axis=axis), *rest)
 
-    def _each(self, function: Callable[..., NDArray[np.float64]], *others: Derivatives) -> Derivatives:
+    def _each(self, function: Callable[..., Reals], *others: Derivatives) -> Derivatives:
         """Return what a function makes of each array's axis of modes and the array, beside those of others."""
         axis = {"coordinate": 1, "d_shape": 1}
         return Derivatives(
@@ -102,11 +101,11 @@ def mode_derivatives(
     system: ReducedEquations,
     theta: Mapping[str, float],
     names: tuple[str, ...],
-    eigenvalues: NDArray[np.float64],
-    vectors: NDArray[np.float64],
+    eigenvalues: Reals,
+    vectors: Reals,
     which: NDArray[np.intp],
-    rows: NDArray[np.float64],
-    omega: NDArray[np.float64] | None = None,
+    rows: Reals,
+    omega: Reals | None = None,
 ) -> Derivatives:
     """Return modes and their derivatives as sums over all modes (Fox and Kapoor 1968).
 
@@ -156,10 +155,10 @@ def own_derivatives(
     system: ReducedEquations,
     theta: Mapping[str, float],
     names: tuple[str, ...],
-    shape: NDArray[np.float64],
-    mass: NDArray[np.float64],
-    stiffness: NDArray[np.float64],
-    rows: NDArray[np.float64],
+    shape: Reals,
+    mass: Reals,
+    stiffness: Reals,
+    rows: Reals,
 ) -> Derivatives:
     """Return one mode and its derivatives without the other modes: one factorisation takes their place (Nelson 1976).
 
@@ -191,7 +190,7 @@ def own_derivatives(
     )
 
 
-def _own(shape: NDArray[np.float64], image: NDArray[np.float64]) -> NDArray[np.float64]:
+def _own(shape: Reals, image: Reals) -> Reals:
     """Return what each mode has of its own image, (n_parameter, n_mode)."""
     return np.asarray(np.einsum("nm,pnm->pm", shape, image))
 
@@ -200,14 +199,14 @@ def _images(
     system: ReducedEquations,
     theta: Mapping[str, float],
     names: tuple[str, ...],
-    shape: NDArray[np.float64],
-    omega: NDArray[np.float64] | None = None,
-) -> tuple[dict[Target, NDArray[np.float64]], NDArray[np.float64]]:
+    shape: Reals,
+    omega: Reals | None = None,
+) -> tuple[dict[Target, Reals], Reals]:
     """Return the images of modes by the derivatives of M, C and K, (n_parameter, n, n_mode) each, and by C.
 
     `shape` are the modes, (n, n_mode). With `omega`, (n_mode,), factors are taken at each mode's own.
     """
-    known: dict[int, NDArray[np.float64]] = {}
+    known: dict[int, Reals] = {}
     sums: dict[int | None, _Sums] = {}  # by range
     place = {name: j for j, name in enumerate(names)}
     for term in system.terms:
@@ -228,7 +227,7 @@ def _images(
             total.slopes[term.target][j] += np.multiply(share, known[id(term.matrix)])
         if any(factor):
             total.damped += np.multiply(factor, known[id(term.matrix)])
-    slopes: dict[Target, NDArray[np.float64]] = {t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")}
+    slopes: dict[Target, Reals] = {t: np.zeros((len(names), *shape.shape)) for t in ("M", "C", "K")}
     damped = np.zeros(shape.shape)
     for total in sums.values():
         total.add_to(slopes, damped)
@@ -238,19 +237,17 @@ def _images(
 class _Sums:
     """Images of modes by matrices of one range, summed between its directions; of those in full, as they are."""
 
-    def __init__(self, matrix: Matrix, shape: NDArray[np.float64], n_parameter: int) -> None:
+    def __init__(self, matrix: Matrix, shape: Reals, n_parameter: int) -> None:
         self._range = matrix.range if isinstance(matrix, InRange) else None
         self._shape = shape if self._range is None else self._range.T @ shape
-        self.slopes: defaultdict[Target, NDArray[np.float64]] = defaultdict(
-            partial(np.zeros, (n_parameter, *self._shape.shape))
-        )
+        self.slopes: defaultdict[Target, Reals] = defaultdict(partial(np.zeros, (n_parameter, *self._shape.shape)))
         self.damped = np.zeros(self._shape.shape)
 
-    def image(self, matrix: Matrix) -> NDArray[np.float64]:
+    def image(self, matrix: Matrix) -> Reals:
         """Return the images by one of the matrices."""
         return (matrix.core if isinstance(matrix, InRange) else matrix) @ self._shape
 
-    def add_to(self, slopes: dict[Target, NDArray[np.float64]], damped: NDArray[np.float64]) -> None:
+    def add_to(self, slopes: dict[Target, Reals], damped: Reals) -> None:
         """Add the sums in the coordinates of the modes."""
         for target, slope in self.slopes.items():
             slopes[target] += slope if self._range is None else self._range @ slope
@@ -273,26 +270,26 @@ class ElasticModes:
 
     system: ReducedEquations
     theta: Mapping[str, float]
-    eigenvalues: NDArray[np.float64]
-    vectors: NDArray[np.float64]
+    eigenvalues: Reals
+    vectors: Reals
     mode: range
     settled: tuple[_Settled, ...]
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Reals:
         """Return the undamped natural frequencies, Hz, (n_mode,)."""
         if self.settled:
             return np.array([mode.omega for mode in self.settled]) / (2.0 * np.pi)
         return np.sqrt(self.eigenvalues[self.mode.start : self.mode.stop]) / (2.0 * np.pi)
 
     @property
-    def coordinate(self) -> NDArray[np.float64]:
+    def coordinate(self) -> Reals:
         """Return the modes in the coordinates of the system, (n, n_mode)."""
         if self.settled:
             return np.column_stack([mode.shape for mode in self.settled])
         return self.vectors[:, self.mode.start : self.mode.stop]
 
-    def derivatives(self, wanted: NDArray[np.bool_], names: tuple[str, ...], rows: NDArray[np.float64]) -> Derivatives:
+    def derivatives(self, wanted: Booleans, names: tuple[str, ...], rows: Reals) -> Derivatives:
         """Return the wanted ones with their derivatives, each with the matrices at its own frequency."""
         which = np.array(self.mode, dtype=np.intp)[wanted]
         pairs = self.eigenvalues, self.vectors
@@ -308,11 +305,7 @@ class ElasticModes:
 
 
 def elastic_modes(
-    system: ReducedEquations,
-    theta: Mapping[str, float],
-    eigenvalues: NDArray[np.float64],
-    vectors: NDArray[np.float64],
-    mode: range,
+    system: ReducedEquations, theta: Mapping[str, float], eigenvalues: Reals, vectors: Reals, mode: range
 ) -> ElasticModes:
     """Return the elastic modes, each at its own frequency.
 
@@ -344,8 +337,8 @@ class _OverFrequency:
     """M and K at any frequency: `steady` ones, and a few terms that follow it, with their own factors."""
 
     theta: Mapping[str, float]
-    steady: Mapping[Target, NDArray[np.float64]]
-    following: tuple[tuple[Target, ParameterFactor, NDArray[np.float64]], ...]
+    steady: Mapping[Target, Reals]
+    following: tuple[tuple[Target, ParameterFactor, Reals], ...]
 
     @classmethod
     def of(cls, system: ReducedEquations, theta: Mapping[str, float]) -> _OverFrequency:
@@ -358,10 +351,10 @@ class _OverFrequency:
             and (t.factor(theta) or t.factor.derivative(theta, OMEGA))
         )
         rest = dataclasses.replace(system.equations, terms=tuple(t for t in system.terms if t not in follows))
-        steady: dict[Target, NDArray[np.float64]] = {t: rest.matrix(t, theta) for t in ("M", "K")}
+        steady: dict[Target, Reals] = {t: rest.matrix(t, theta) for t in ("M", "K")}
         return cls(theta, steady, tuple((t.target, t.factor, full(t.matrix)) for t in follows))
 
-    def matrix(self, target: Target, omega: float) -> NDArray[np.float64]:
+    def matrix(self, target: Target, omega: float) -> Reals:
         """Return M or K at an angular frequency, (n, n)."""
         here, total = {**self.theta, OMEGA: omega}, self.steady[target].copy()
         for of, factor, matrix in self.following:
@@ -369,7 +362,7 @@ class _OverFrequency:
                 total += factor(here) * matrix
         return total
 
-    def rayleigh(self, shape: NDArray[np.float64], omega: float) -> float:
+    def rayleigh(self, shape: Reals, omega: float) -> float:
         """Return the frequency near `omega`, rad/s, at which shape' (K - omega**2 M) shape vanishes, by Newton.
 
         Raises
@@ -405,15 +398,13 @@ class _Settled:
 
     theta: Mapping[str, float]
     omega: float
-    shape: NDArray[np.float64]
-    mass: NDArray[np.float64]
-    stiffness: NDArray[np.float64]
+    shape: Reals
+    mass: Reals
+    stiffness: Reals
     twin: bool
 
     @classmethod
-    def of(
-        cls, moving: _OverFrequency, eigenvalues: NDArray[np.float64], vectors: NDArray[np.float64], mode: int
-    ) -> _Settled:
+    def of(cls, moving: _OverFrequency, eigenvalues: Reals, vectors: Reals, mode: int) -> _Settled:
         """Follow one mode by its shape to its own frequency.
 
         The shape is improved by inverse iteration at the frequency of its nonlinear Rayleigh quotient, which converges
@@ -447,7 +438,7 @@ class _Settled:
             twin=bool(np.count_nonzero(near) > 1),
         )
 
-    def derivatives(self, system: ReducedEquations, names: tuple[str, ...], rows: NDArray[np.float64]) -> Derivatives:
+    def derivatives(self, system: ReducedEquations, names: tuple[str, ...], rows: Reals) -> Derivatives:
         """Return the mode with its derivatives."""
         every = (*names, OMEGA)
         if self.twin:

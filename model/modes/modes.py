@@ -20,7 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_shared import arrays, readonly
+from lamella_arrays import Integers, Reals, arrays, readonly
 from model.elements.equations import OMEGA
 from model.elements.mesh import FIELDS
 from model.modes.elastic_modes import Derivatives, ElasticModes, elastic_modes
@@ -52,9 +52,9 @@ class Observation:
         The shapes differ, or a direction is not of unit length.
     """
 
-    node: NDArray[np.int64]
-    location: NDArray[np.float64]
-    direction: NDArray[np.float64]
+    node: Integers
+    location: Reals
+    direction: Reals
 
     def __post_init__(self) -> None:
         length = np.linalg.norm(self.direction, axis=1)
@@ -66,7 +66,7 @@ class Observation:
             )
 
 
-def sample_points(stack: Stack, location: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def sample_points(stack: Stack, location: Reals) -> tuple[Reals, Reals]:
     """Return where the model is sampled for given places: the nearest point of the nearest lamina mid-plane.
 
     Parameters
@@ -90,7 +90,7 @@ def sample_points(stack: Stack, location: NDArray[np.float64]) -> tuple[NDArray[
     return sampled, np.linalg.norm(sampled - given, axis=1)
 
 
-def nearest_lamina(stack: Stack, z: NDArray[np.float64]) -> NDArray[np.intp]:
+def nearest_lamina(stack: Stack, z: Reals) -> NDArray[np.intp]:
     """Return the index of the lamina whose mid-plane is nearest to each height z, (n,) m."""
     return np.abs(np.asarray(z)[:, None] - stack.lamina_z).argmin(axis=1)
 
@@ -111,10 +111,10 @@ class Observed:
         From reduced coordinates to the observed displacements.
     """
 
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
+    node: Integers
+    direction: Reals
     rows: sp.csr_matrix
-    reduced_rows: NDArray[np.float64]
+    reduced_rows: Reals
 
 
 def observe(system: ReducedEquations, observation: Observation | Observed) -> Observed:
@@ -146,7 +146,7 @@ def observe(system: ReducedEquations, observation: Observation | Observed) -> Ob
 _ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
 
 
-Wanted = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.intp]]
+Wanted = Callable[[Reals, Reals], NDArray[np.intp]]
 """Takes frequencies, (n,), Hz, and shapes, (n_dof, n), of elastic modes to the indices of those wanted."""
 
 
@@ -195,18 +195,18 @@ class Modes:
         extrapolated, and `refine` tells their error.
     """
 
-    frequency: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    pole_frequency: NDArray[np.float64]
-    shape: NDArray[np.float64]
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
+    frequency: Reals
+    damping: Reals
+    pole_frequency: Reals
+    shape: Reals
+    node: Integers
+    direction: Reals
     n_rigid: int
     parameter: tuple[str, ...]
-    frequency_gradient: NDArray[np.float64]
-    damping_gradient: NDArray[np.float64]
-    shape_gradient: NDArray[np.float64]
-    coordinate: NDArray[np.float64]
+    frequency_gradient: Reals
+    damping_gradient: Reals
+    shape_gradient: Reals
+    coordinate: Reals
     outside: tuple[str, ...] = ()
 
     def elastic(self) -> Modes:
@@ -282,7 +282,7 @@ def solve_modes(
 
 
 def _derivatives(
-    elastic: ElasticModes, names: tuple[str, ...], rows: NDArray[np.float64], differentiated: Wanted | None
+    elastic: ElasticModes, names: tuple[str, ...], rows: Reals, differentiated: Wanted | None
 ) -> Derivatives:
     """Return elastic modes with the derivatives of those for which they are wanted."""
     wanted = np.full(len(elastic.mode), differentiated is None)
@@ -319,9 +319,7 @@ def _modes(
     )
 
 
-def reduced_eigenpairs(
-    system: ReducedEquations, theta: Mapping[str, float], n_mode: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+def reduced_eigenpairs(system: ReducedEquations, theta: Mapping[str, float], n_mode: int) -> tuple[Reals, Reals, int]:
     """Return all eigenvalues and vectors of the reduced system, and how many of the first are rigid-body motion.
 
     Raises
@@ -363,7 +361,7 @@ def full_parameters(
     return {**system.theta, **given, "G_f": G_f, "d_f": d_f}
 
 
-def _rigid_limit(system: ReducedEquations, theta: Mapping[str, float], eigenvalues: NDArray[np.float64]) -> float:
+def _rigid_limit(system: ReducedEquations, theta: Mapping[str, float], eigenvalues: Reals) -> float:
     """Return the eigenvalue, (rad/s)**2, below which all is rounding around rigid-body motion."""
     rigid = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
     return max(rigid * abs(shear_shift(system.stack, theta)), _ROUNDING * float(eigenvalues[-1]))
@@ -371,7 +369,7 @@ def _rigid_limit(system: ReducedEquations, theta: Mapping[str, float], eigenvalu
 
 def complex_modes(
     system: ReducedEquations, *, G_f: float, d_f: float, n_mode: int = 12, parameters: Mapping[str, float] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Reals, Reals]:
     """Solve the complex eigenproblem of the reduced system, without assuming proportional damping.
 
     Returns
@@ -410,10 +408,10 @@ class Surface:
         Points of the element sides that lie on the outline or on a hole.
     """
 
-    location: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    element: NDArray[np.int64]
-    edge: NDArray[np.int64]
+    location: Reals
+    displacement: Reals
+    element: Integers
+    edge: Integers
 
 
 def mode_surface(system: ReducedSystem, modes: Modes, mode: int, *, lamina: Sequence[int]) -> Surface:

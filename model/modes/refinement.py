@@ -22,7 +22,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
-from lamella_shared import arrays
+from lamella_arrays import Reals, arrays
 from model.elements.equations import Assembly, Kron
 from model.elements.mesh import FIELDS, Field
 from model.modes.modes import Modes, Observation, full_parameters, outside_ranges, reduced_eigenpairs, solve_modes
@@ -31,9 +31,6 @@ from model.reduction.through_thickness import SPARE, shear_shift
 from model.solvers.eigen import lowest_modes, orthonormalize
 from model.solvers.low_rank import Factor
 from model.stack.stack import Stack
-
-Vector = NDArray[np.float64]
-
 
 _MAX_STEPS = 30
 
@@ -62,9 +59,9 @@ class Refined:
         Whether every `error` is within the tolerance.
     """
 
-    frequency: NDArray[np.float64]
-    error: NDArray[np.float64]
-    reduction_error: NDArray[np.float64]
+    frequency: Reals
+    error: Reals
+    reduction_error: Reals
     outside: tuple[str, ...]
     n_step: int
     converged: bool
@@ -130,10 +127,10 @@ def refine(
 def _iterated(
     system: ReducedSystem,
     theta: Mapping[str, float],
-    x: Vector,
-    correct: Callable[[Vector], Vector],
+    x: Reals,
+    correct: Callable[[Reals], Reals],
     limits: tuple[int, int, int, float],
-) -> tuple[list[Vector], Vector]:
+) -> tuple[list[Reals], Reals]:
     """Return the angular frequencies after each step of subspace iteration from x, and the error left in them.
 
     `limits` has the modes wanted, the fewest and the most steps, and the relative error at which it ends.
@@ -142,7 +139,7 @@ def _iterated(
     full = system.laminas
     stiffness, mass = (full.krons(target, theta) for target in ("K", "M"))
     nothing = x[:, :0]
-    step: tuple[Vector, Vector, Vector] = (nothing, nothing, nothing)
+    step: tuple[Reals, Reals, Reals] = (nothing, nothing, nothing)
     found, x, kx, mx, _ = _rayleigh_ritz([(x, full.apply(stiffness, x), full.apply(mass, x)), step])
     history = [np.sqrt(found[:n])]
     error = np.full(n, np.inf)
@@ -158,15 +155,15 @@ def _iterated(
 
 
 def _without_motion(
-    system: ReducedSystem, theta: Mapping[str, float], correct: Callable[[Vector], Vector], rigid: Vector
-) -> Callable[[Vector], Vector]:
+    system: ReducedSystem, theta: Mapping[str, float], correct: Callable[[Reals], Reals], rigid: Reals
+) -> Callable[[Reals], Reals]:
     """Return a preconditioner whose results have no part in rigid-body motion, in reduced coordinates (n, n_rigid)."""
     if not rigid.shape[1]:  # a stack that is held has none
         return correct
     motion = _from_phi(system, system.basis @ rigid)
     mass_motion = system.laminas.apply(system.laminas.krons("M", theta), motion)
 
-    def corrected(residual: Vector) -> Vector:
+    def corrected(residual: Reals) -> Reals:
         t = correct(residual)
         t -= motion @ (mass_motion.T @ t)
         return t
@@ -174,7 +171,7 @@ def _without_motion(
     return corrected
 
 
-def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Vector:
+def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Reals:
     """Estimate the error that the reduction leaves in frequencies, with little memory.
 
     One step along the preconditioned residual of the equations of all laminas, a few modes at a time. `refine` does the
@@ -213,14 +210,14 @@ def residual_error(system: ReducedSystem, *, G_f: float, n_mode: int = 12) -> Ve
 
 
 def _over_plan(
-    system: ReducedSystem, theta: Mapping[str, float], smooth: Factor, vectors: Vector, n_rigid: int, n_mode: int
-) -> Vector:
+    system: ReducedSystem, theta: Mapping[str, float], smooth: Factor, vectors: Reals, n_rigid: int, n_mode: int
+) -> Reals:
     """Return the elastic modes with all of the plan and thickness basis, those too that the snapshots lack."""
     tolerance = 1e-5  # relative change of eigenvalues with through-thickness functions in the last step
     assembly = system.assembly
     mass = assembly.krons("M", theta)
 
-    def product(x: Vector) -> Vector:
+    def product(x: Reals) -> Reals:
         return assembly.apply(mass, x)
 
     known = [orthonormalize(system.basis @ vectors[:, :n_rigid], product)] if n_rigid else []
@@ -230,7 +227,7 @@ def _over_plan(
     return lowest_modes(smooth.solve, product, shift, start, n, tolerance, known, _MIN_STEPS)[1][:, :n]
 
 
-def _left(history: list[Vector]) -> Vector:
+def _left(history: list[Reals]) -> Reals:
     """Estimate the relative error that is left from how fast the frequencies fell."""
     safety = 2.0  # the next drops together are taken as no more than this times their geometric sum
     drops = -np.diff(history, axis=0) / history[-1]
@@ -242,8 +239,8 @@ def _left(history: list[Vector]) -> Vector:
 
 
 def _rayleigh_ritz(
-    space: list[tuple[Vector, Vector, Vector]],
-) -> tuple[Vector, Vector, Vector, Vector, tuple[Vector, Vector, Vector]]:
+    space: list[tuple[Reals, Reals, Reals]],
+) -> tuple[Reals, Reals, Reals, Reals, tuple[Reals, Reals, Reals]]:
     """Return the lowest Ritz pairs of the space spanned by all first members, and what was added to the first.
 
     Each entry holds vectors and their products with K and M; the last result does too.
@@ -264,7 +261,7 @@ def _rayleigh_ritz(
     return values[:n], x, kx, mx, added
 
 
-def _gram(left: list[Vector], right: list[Vector]) -> Vector:
+def _gram(left: list[Reals], right: list[Reals]) -> Reals:
     """Return all products of left and right blocks, a symmetric matrix of which half is computed."""
     ends = np.cumsum([0, *(block.shape[1] for block in left)])
     gram = np.zeros((ends[-1], ends[-1]))
@@ -276,33 +273,33 @@ def _gram(left: list[Vector], right: list[Vector]) -> Vector:
     return (gram + gram.T) / 2.0
 
 
-def _from_phi(system: ReducedSystem, x: Vector) -> Vector:
+def _from_phi(system: ReducedSystem, x: Reals) -> Reals:
     """Return displacements in coordinates of the through-thickness functions on all laminas."""
     where, k = system.assembly.slices(), x.shape[1]
     return np.vstack([(system.phi[f] @ x[where[f]].reshape(system.phi[f].shape[1], -1)).reshape(-1, k) for f in FIELDS])
 
 
-def _to_phi(system: ReducedSystem, x: Vector) -> Vector:
+def _to_phi(system: ReducedSystem, x: Reals) -> Reals:
     where, k = system.laminas.slices(), x.shape[1]
     return np.vstack(
         [(system.phi[f].T @ x[where[f]].reshape(system.phi[f].shape[0], -1)).reshape(-1, k) for f in FIELDS]
     )
 
 
-def _preconditioner(system: ReducedSystem, theta: Mapping[str, float], smooth: Factor) -> Callable[[Vector], Vector]:
+def _preconditioner(system: ReducedSystem, theta: Mapping[str, float], smooth: Factor) -> Callable[[Reals], Reals]:
     """Return an approximation of (K + shift M)^-1 on all laminas; `smooth` is that of the thickness basis."""
     rest = _rough_part(system, theta)
     return lambda r: _from_phi(system, smooth.solve(_to_phi(system, r))) + rest(r)
 
 
-def _rough_part(system: ReducedSystem, theta: Mapping[str, float]) -> Callable[[Vector], Vector]:
+def _rough_part(system: ReducedSystem, theta: Mapping[str, float]) -> Callable[[Reals], Reals]:
     """Return an approximation of (K + shift M)^-1 for what is orthogonal to the through-thickness functions."""
     full, shift = system.laminas, shear_shift(system.stack, theta)
     inertia = (dataclasses.replace(k, z=shift * k.z) for k in full.krons("M", theta))
     shifted = (*full.krons("K", theta), *inertia)
     rough = {field: _Rough.of(full, field, shifted) for field in FIELDS}
 
-    def apply(r: Vector) -> Vector:
+    def apply(r: Reals) -> Reals:
         y = np.empty_like(r)
         for field, where in full.slices().items():
             phi = system.phi[field]
@@ -330,9 +327,9 @@ class _Rough:
         Solution of each planar problem.
     """
 
-    over_z: Vector
+    over_z: Reals
     members: tuple[NDArray[np.intp], ...]
-    solve_planar: tuple[Callable[[Vector], Vector], ...]
+    solve_planar: tuple[Callable[[Reals], Reals], ...]
 
     @classmethod
     def of(cls, assembly: Assembly, field: Field, krons: tuple[Kron, ...]) -> _Rough:
@@ -350,7 +347,7 @@ class _Rough:
             solvers.append(splinalg.splu(planar.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0).solve)
         return cls(over_z=vectors, members=members, solve_planar=tuple(solvers))
 
-    def solve(self, value: Vector) -> Vector:
+    def solve(self, value: Reals) -> Reals:
         """Return the solution for (n_lamina, n_planar, k)."""
         n, n_planar, k = value.shape
         turned = (self.over_z.T @ value.reshape(n, -1)).reshape(n, n_planar, k)
@@ -384,7 +381,7 @@ class Verification:
         Largest estimated error with the first basis.
     """
 
-    error: NDArray[np.float64]
+    error: Reals
     tolerance: float
     basis: Basis
     first_error: float
@@ -432,7 +429,7 @@ def solve_verified(
     enriched = 0.003  # of the tolerance, that the through-thickness functions may take in the enriched basis
     contact = stack.contact
 
-    def attempt(share: float) -> tuple[ReducedSystem, Modes, NDArray[np.float64]]:
+    def attempt(share: float) -> tuple[ReducedSystem, Modes, Reals]:
         system = reduce(stack, n_mode=n_mode + spare, n_snapshot=1, z_tolerance=share * tolerance)
         modes = solve_modes(system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observation)
         return system, modes, residual_error(system, G_f=contact.G_f, n_mode=n_mode)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_shared import arrays
+from lamella_arrays import Complexes, Reals, arrays
 from model.contact.contact import SlipLaw, contact_fields, jump, mean
 from model.elements.equations import OMEGA, Riding, Target, Term
 from model.elements.mesh import Derivative, Field
@@ -29,12 +29,12 @@ def frf(
     *,
     G_f: float,
     d_f: float,
-    frequency: NDArray[np.float64],
+    frequency: Reals,
     output: Observation,
     input: Observation,  # noqa: A002  # the field's word for where the force acts
     quantity: Quantity = "accelerance",
     parameters: Mapping[str, float] | None = None,
-) -> NDArray[np.complex128]:
+) -> Complexes:
     """Synthesise frequency response functions from the modes of the reduced system.
 
     The static residual of the modes that the reduced system lacks enters through one attachment vector for
@@ -83,7 +83,7 @@ def frf(
 
 def _with_attachments(
     system: ReducedSystem, theta: Mapping[str, float], load: sp.csr_matrix
-) -> tuple[dict[Target, NDArray[np.float64]], NDArray[np.float64]]:
+) -> tuple[dict[Target, Reals], Reals]:
     """Return the matrices in the reduced basis extended by the attachment vectors of loads, and that basis.
 
     Without what rides on the structure, which acts line by line.
@@ -107,7 +107,7 @@ def _with_attachments(
     return reduced, basis
 
 
-def _require_sound(quantity: str, frequency: NDArray[np.float64]) -> None:
+def _require_sound(quantity: str, frequency: Reals) -> None:
     if quantity not in get_args(Quantity):
         raise SolveError(f"quantity must be one of {', '.join(get_args(Quantity))}, got {quantity!r}")
     if frequency.size and not frequency.min() > 0.0:
@@ -116,7 +116,7 @@ def _require_sound(quantity: str, frequency: NDArray[np.float64]) -> None:
         )
 
 
-def _bordered(inner: NDArray[np.float64], added: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bordered(inner: Reals, added: Reals) -> Reals:
     """Return a symmetric matrix from its leading block and its last columns."""
     size = inner.shape[0]
     matrix = np.zeros((added.shape[0], added.shape[0]))
@@ -127,13 +127,13 @@ def _bordered(inner: NDArray[np.float64], added: NDArray[np.float64]) -> NDArray
 
 
 def _superposed(
-    reduced: Mapping[Target, NDArray[np.float64]],
-    following: list[tuple[Term, NDArray[np.float64]]],
+    reduced: Mapping[Target, Reals],
+    following: list[tuple[Term, Reals]],
     theta: Mapping[str, float],
-    omega: NDArray[np.float64],
-    load: NDArray[np.float64],
-    response: NDArray[np.float64],
-) -> NDArray[np.complex128]:
+    omega: Reals,
+    load: Reals,
+    response: Reals,
+) -> Complexes:
     """Return the receptances (n_output, n_input, n_frequency) of matrices in a basis.
 
     `following` are the terms whose factor depends on frequency; the matrices have them at that of `theta`, but nothing
@@ -155,9 +155,7 @@ def _superposed(
     return value
 
 
-def _following_terms(
-    system: ReducedSystem, theta: Mapping[str, float], basis: NDArray[np.float64]
-) -> list[tuple[Term, NDArray[np.float64]]]:
+def _following_terms(system: ReducedSystem, theta: Mapping[str, float], basis: Reals) -> list[tuple[Term, Reals]]:
     """Return the terms whose factor depends on frequency, with their matrices in a basis."""
     if OMEGA not in theta:
         return []
@@ -167,8 +165,6 @@ def _following_terms(
         if term.factor.derivative(theta, OMEGA) != 0.0
     ]
 
-
-Vector = NDArray[np.float64]
 
 N_INTERFACE = 9
 """Interfaces that stand for all: with them the loss of a mode is off by some 1e-3 at most."""
@@ -190,11 +186,11 @@ class ContactStrain:
         Distance between the mid-planes of the two laminas, m: times the strain it is how far the faces move apart.
     """
 
-    rows: Vector
-    weight: Vector
-    spacing: Vector
+    rows: Reals
+    weight: Reals
+    spacing: Reals
 
-    def amplitude(self, coordinate: Vector) -> Vector:
+    def amplitude(self, coordinate: Reals) -> Reals:
         """Return the size of the strain at reduced coordinates (n_basis,), (n_point,)."""
         x, y = self.rows @ coordinate
         return np.hypot(x, y)
@@ -218,7 +214,7 @@ def contact_strain(system: ReducedSystem, *, n_interface: int = N_INTERFACE) -> 
     where, n_z = system.assembly.slices(), system.assembly.n_z
     over = {f: system.basis[where[f]].reshape(n_z[f], plan.size(f), -1) for f in ("u", "v", "w")}
 
-    def at_points(field: Field, derivative: Derivative, z: Vector) -> Vector:
+    def at_points(field: Field, derivative: Derivative, z: Reals) -> Reals:
         """Return a field over (interfaces, points of the plan, basis)."""
         values = np.stack([plan.at_quadrature(field, derivative) @ part for part in over[field]])
         return np.tensordot(z @ system.phi[field], values, axes=1)
@@ -237,7 +233,7 @@ def contact_strain(system: ReducedSystem, *, n_interface: int = N_INTERFACE) -> 
     )
 
 
-def chosen_interfaces(n: int, most: int) -> tuple[NDArray[np.intp], Vector]:
+def chosen_interfaces(n: int, most: int) -> tuple[NDArray[np.intp], Reals]:
     """Return at most so many of n interfaces with shares that sum up to n, for sums of what is smooth over the height.
 
     The places are Chebyshev's, rounded, and the shares make sums of polynomials exact.
@@ -272,11 +268,11 @@ class Backbone:
         Mass-normalised deflection in reduced coordinates, 1/sqrt(kg), without what is out of phase.
     """
 
-    amplitude: Vector
-    frequency: Vector
-    damping: Vector
-    slip: Vector
-    coordinate: Vector
+    amplitude: Reals
+    frequency: Reals
+    damping: Reals
+    slip: Reals
+    coordinate: Reals
 
 
 def backbone(
@@ -285,7 +281,7 @@ def backbone(
     law: SlipLaw,
     *,
     mode: int,
-    amplitude: Vector,
+    amplitude: Reals,
     G_f: float,
     d_f: float,
     parameters: Mapping[str, float] | None = None,
@@ -341,7 +337,7 @@ def _steady(theta: dict[str, float]) -> dict[str, float]:
     return theta
 
 
-def _ascending(amplitude: Vector) -> Vector:
+def _ascending(amplitude: Reals) -> Reals:
     wanted = np.asarray(amplitude, dtype=float)
     if wanted.ndim != 1 or not np.all(wanted >= 0.0) or np.any(np.diff(wanted) < 0.0):
         raise SolveError(f"amplitudes must be 0 or above and ascend, got {amplitude}")
@@ -352,18 +348,18 @@ def _ascending(amplitude: Vector) -> Vector:
 class _Contact:
     """Contact in coordinates of elastic modes: strains per `slide`, and stiffness of points per strain so measured."""
 
-    rows: Vector
-    stiffness: Vector
+    rows: Reals
+    stiffness: Reals
     law: SlipLaw
 
     @classmethod
-    def of(cls, strain: ContactStrain, modes: Vector, law: SlipLaw, theta: Mapping[str, float]) -> _Contact:
+    def of(cls, strain: ContactStrain, modes: Reals, law: SlipLaw, theta: Mapping[str, float]) -> _Contact:
         slide = law.sliding_strain(theta["G_f"])
         modulus = theta["G_f"] * theta["pressure"] * slide**2
         touching = strain.weight != 0.0
         return cls(strain.rows[:, touching] @ modes / slide, modulus * strain.weight[touching], law)
 
-    def softened(self, coordinate: Vector) -> tuple[Vector, Vector]:
+    def softened(self, coordinate: Reals) -> tuple[Reals, Reals]:
         """Return what a deflection lowers the stress by, as a force (n_mode,), and its derivative, (n_mode, n_mode)."""
         strain = self.rows @ coordinate
         size = np.hypot(*strain)
@@ -377,7 +373,7 @@ class _Contact:
         weighted = np.concatenate([w * part for w, part in zip(weights, parts, strict=True)])
         return force, (weighted.T @ weighted).astype(float)
 
-    def cycle(self, coordinate: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def cycle(self, coordinate: Complexes) -> Complexes:
         """Return what a harmonic deflection lowers the stress by, as the first harmonic of a force, (n_mode,)."""
         strain = self.rows @ coordinate
         size = np.sqrt(np.sum(np.abs(strain) ** 2, axis=0))
@@ -385,7 +381,7 @@ class _Contact:
         return np.asarray(sum((lost * share) @ rows for share, rows in zip(strain, self.rows, strict=True)))
 
 
-def _along(eigenvalues: Vector, contact: _Contact, amplitude: Vector, mode: int) -> list[tuple[float, float, Vector]]:
+def _along(eigenvalues: Reals, contact: _Contact, amplitude: Reals, mode: int) -> list[tuple[float, float, Reals]]:
     """Return amplitude, eigenvalue and shape of a mode at rest and at each amplitude."""
     along = [(0.0, float(eigenvalues[mode]), np.eye(eigenvalues.size)[mode])]
     for a in amplitude.tolist():
@@ -394,8 +390,8 @@ def _along(eigenvalues: Vector, contact: _Contact, amplitude: Vector, mode: int)
 
 
 def _followed(
-    eigenvalues: Vector, contact: _Contact, a: float, before: tuple[float, float, Vector], depth: int = 0
-) -> tuple[float, float, Vector]:
+    eigenvalues: Reals, contact: _Contact, a: float, before: tuple[float, float, Reals], depth: int = 0
+) -> tuple[float, float, Reals]:
     """Return an amplitude a with eigenvalue and shape, of unit length, of the mode there, from those at a smaller one.
 
     Where Newton's method does not settle nearby, the mode is sought halfway first.
@@ -413,8 +409,8 @@ def _followed(
 
 
 def _settled(
-    eigenvalues: Vector, contact: _Contact, a: float, before: tuple[float, float, Vector]
-) -> tuple[float, float, Vector] | None:
+    eigenvalues: Reals, contact: _Contact, a: float, before: tuple[float, float, Reals]
+) -> tuple[float, float, Reals] | None:
     """Return the solution of the nonlinear eigenproblem next to another one; None where there is none next to it."""
     settled = 1e-4  # change of a unit shape and of an eigenvalue: of the next of Newton's steps it is the square
     near = 0.9  # cosine between shapes at two amplitudes, of which the second is sought from the first
@@ -432,7 +428,7 @@ def _settled(
     return None
 
 
-def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[float, float, Vector]) -> complex:
+def _resonance(linear: Complexes, contact: _Contact, at: tuple[float, float, Reals]) -> complex:
     """Return the complex eigenvalue of a mode, omega**2 (1 + 2 i damping), with the loss that couples it to others.
 
     `at` holds its amplitude, and eigenvalue and shape without loss, from which the steps are taken with one matrix. The
@@ -442,7 +438,7 @@ def _resonance(linear: NDArray[np.complex128], contact: _Contact, at: tuple[floa
     settled_loss = 1e-5  # relative change of the eigenvalue in the last step with loss
     a, start, shape = at
     value = complex(start)
-    u: NDArray[np.complex128] = shape.astype(complex)
+    u: Complexes = shape.astype(complex)
     tangent = contact.softened(a * shape)[1] if a else 0.0
     bordered = np.block([[linear.real - start * np.eye(u.size) - tangent, -shape[:, None]], [shape, np.zeros(1)]])
     inverse = np.linalg.inv(bordered)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from lamella_shared import figure_of, html_of, html_table
 from model.contact.pressing import PressureField
 from model.modes.modes import Modes, Surface, mode_surface
@@ -75,9 +75,6 @@ def pressure_figure(field: PressureField) -> Figure:
     return figure
 
 
-Vector = NDArray[np.float64]
-
-
 def mode_plotter(
     system: ReducedSystem, modes: Modes, mode: int, *, size: tuple[int, int] = (900, 600)
 ) -> pyvista.Plotter:
@@ -132,7 +129,7 @@ def mode_plotter(
     return plotter
 
 
-def _add_surface(plotter: Any, surface: Surface, moved: Vector, length: Vector) -> None:
+def _add_surface(plotter: Any, surface: Surface, moved: Reals, length: Reals) -> None:
     """Add the surface with its points moved, coloured by how far, and the edges of its laminas."""
     import pyvista as pv
 

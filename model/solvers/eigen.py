@@ -14,28 +14,26 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from lamella_arrays import Integers, Reals
 from model.stack.errors import SolveError
 
-Vectors = NDArray[np.float64]
+Product = Callable[[Reals], Reals]
 
-Product = Callable[[Vectors], Vectors]
-
-Block = tuple[Vectors, Vectors]  # mass-orthonormal vectors and their product with the mass matrix
+Block = tuple[Reals, Reals]  # mass-orthonormal vectors and their product with the mass matrix
 
 
-def orthonormalize(x: Vectors, mass: Product, against: Sequence[Block] = ()) -> Block:
+def orthonormalize(x: Reals, mass: Product, against: Sequence[Block] = ()) -> Block:
     """Return a mass-orthonormal basis of what `x` adds to `against`, and its product with the mass.
 
     Parameters
     ----------
     x : (n, k)
-        Vectors.
+        Reals.
     mass : callable
         Product with the mass matrix.
     against : sequence of ((n, m), (n, m))
-        Vectors that are mass-orthonormal, all blocks together, and their products with the mass matrix.
+        Reals that are mass-orthonormal, all blocks together, and their products with the mass matrix.
 
     Returns
     -------
@@ -63,12 +61,12 @@ def lowest_modes(
     solve: Product,
     mass: Product,
     shift: float,
-    start: Vectors,
+    start: Reals,
     n_mode: int,
     tolerance: float,
     known: Sequence[Block] = (),
     min_steps: int = 2,
-) -> tuple[NDArray[np.float64], Vectors]:
+) -> tuple[Reals, Reals]:
     """Return the lowest eigenpairs of K x = lambda M x.
 
     Parameters
@@ -121,7 +119,7 @@ def lowest_modes(
     raise SolveError(f"the {n_mode} lowest modes did not converge in {max_steps} steps")
 
 
-def _exhausted(blocks: list[Block], image: Vectors, mass: Product, known: Sequence[Block], missing: int) -> bool:
+def _exhausted(blocks: list[Block], image: Reals, mass: Product, known: Sequence[Block], missing: int) -> bool:
     """Add what an image has beyond the blocks to them, and tell whether that is nothing: the space is invariant.
 
     Raises
@@ -138,7 +136,7 @@ def _exhausted(blocks: list[Block], image: Vectors, mass: Product, known: Sequen
     return True
 
 
-def _grown(projected: Vectors, coupling: Vectors) -> Vectors:
+def _grown(projected: Reals, coupling: Reals) -> Reals:
     """Return a projected matrix with the rows and columns of one more block.
 
     Raises
@@ -157,13 +155,13 @@ def _grown(projected: Vectors, coupling: Vectors) -> Vectors:
     return grown
 
 
-def _combined(blocks: Sequence[Block], weight: Vectors) -> Vectors:
+def _combined(blocks: Sequence[Block], weight: Reals) -> Reals:
     """Return the sum of the blocks' vectors, each times its rows of `weight`."""
     parts = np.split(weight, np.cumsum([basis.shape[1] for basis, _ in blocks])[:-1])
     return np.asarray(sum(basis @ part for (basis, _), part in zip(blocks, parts, strict=True)))
 
 
-def inverse_iterated(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def inverse_iterated(matrix: Reals, right: Reals) -> Reals:
     """Solve for one step of inverse iteration, also where the shift is an eigenvalue to the last digit.
 
     Parameters
@@ -182,9 +180,7 @@ def inverse_iterated(matrix: NDArray[np.float64], right: NDArray[np.float64]) ->
     return np.asarray(la.lu_solve(la.lu_factor(bordered), np.append(np.zeros(right.size), size))[:-1])
 
 
-def orthogonal_answers(
-    matrix: NDArray[np.float64], border: NDArray[np.float64], load: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def orthogonal_answers(matrix: Reals, border: Reals, load: Reals) -> Reals:
     """Solve with a matrix that is singular along one mode, for what is orthogonal to that mode.
 
     Parameters
@@ -206,7 +202,7 @@ def orthogonal_answers(
     return np.asarray(la.lu_solve(la.lu_factor(bordered), right)[:-1])
 
 
-def _bordered(matrix: NDArray[np.float64], border: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _bordered(matrix: Reals, border: Reals) -> tuple[Reals, float]:
     """Return a symmetric matrix with one more row and column of its own size, and their factor to `border`."""
     n, size = border.size, float(np.abs(matrix).max() / np.abs(border).max())
     bordered = np.zeros((n + 1, n + 1))
@@ -214,17 +210,14 @@ def _bordered(matrix: NDArray[np.float64], border: NDArray[np.float64]) -> tuple
     return bordered, size
 
 
-Index = NDArray[np.int64]
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Front:
     """One piece: its unknowns, those of cuts above that they couple with, and the columns of the factor."""
 
-    inside: Index
-    border: Index
-    diagonal: Vectors
-    below: Vectors
+    inside: Integers
+    border: Integers
+    diagonal: Reals
+    below: Reals
 
 
 class NotPositiveError(SolveError):
@@ -259,7 +252,7 @@ class CholeskyFactor:
         The matrix is not positive definite.
     """
 
-    def __init__(self, matrix: sp.csr_matrix, location: Vectors) -> None:
+    def __init__(self, matrix: sp.csr_matrix, location: Reals) -> None:
         self._matrix = sp.csr_matrix(matrix)
         place, node = np.unique(location, axis=0, return_inverse=True)
         node = node.reshape(-1)
@@ -271,13 +264,13 @@ class CholeskyFactor:
         pieces = self._pieces(place, np.arange(len(place)))
         inside = [np.concatenate([self._unknowns[i] for i in piece]) for piece, _ in pieces]
         self._rank[np.concatenate(inside)] = np.arange(node.size)
-        waiting: list[tuple[Index, Vectors]] = []
+        waiting: list[tuple[Integers, Reals]] = []
         for unknowns, (_, n_child) in zip(inside, pieces, strict=True):
             children = [waiting.pop() for _ in range(n_child)]
             waiting.append(self._eliminated(unknowns, children))
         del self._matrix, self._graph, self._unknowns, self._rank
 
-    def _pieces(self, place: Vectors, nodes: Index) -> list[tuple[Index, int]]:
+    def _pieces(self, place: Reals, nodes: Integers) -> list[tuple[Integers, int]]:
         """Return pieces in the order of elimination, each with its nodes and the number of those below it."""
         most_cut = 0.5  # of the nodes of a piece that a cut may take; with more, cutting does not help
         # nodes of a piece that is cut no further: its dense matrix is about as quick as a sparse one
@@ -291,7 +284,7 @@ class CholeskyFactor:
         parts = [self._pieces(place, part) for part in (one, rest) if part.size]
         return [*(piece for part in parts for piece in part), (cut, len(parts))]
 
-    def _halves(self, along: Vectors, nodes: Index) -> tuple[Index, Index, Index]:
+    def _halves(self, along: Reals, nodes: Integers) -> tuple[Integers, Integers, Integers]:
         """Return the nodes below and above the middle of an axis, and those above that couple with those below."""
         lower = along < np.median(along)
         if not lower.any():  # most nodes in one plane
@@ -301,7 +294,7 @@ class CholeskyFactor:
         seen[self._graph[one].indices] = True
         return one, two, two[seen[two]] if two.size else nodes
 
-    def _eliminated(self, inside: Index, children: list[tuple[Index, Vectors]]) -> tuple[Index, Vectors]:
+    def _eliminated(self, inside: Integers, children: list[tuple[Integers, Reals]]) -> tuple[Integers, Reals]:
         """Eliminate the unknowns of one piece and return those that it leaves coupled, with their matrix."""
         rows = self._matrix[inside]
         reached = np.unique(np.concatenate([rows.indices, *(border for border, _ in children)]))
@@ -328,7 +321,7 @@ class CholeskyFactor:
         self._fronts.append(_Front(inside=inside, border=border, diagonal=diagonal, below=below))
         return border, left
 
-    def solve(self, right: Vectors) -> Vectors:
+    def solve(self, right: Reals) -> Reals:
         """Return the solution for right-hand sides, (n, k)."""
         x = np.array(right, dtype=float)
         for front in self._fronts:

@@ -20,6 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from model.elements.equations import Assembly, Kron, Matrix, Term, ratio
 from model.elements.mesh import FIELDS, Field
 from model.stack.errors import SolveError
@@ -71,10 +72,10 @@ class ChainFactor:
         Blocks of the factor below the diagonal, one fewer; their last m_i columns, the others are zero.
     """
 
-    inverse: list[NDArray[np.float64]]
-    below: list[NDArray[np.float64]]
+    inverse: list[Reals]
+    below: list[Reals]
 
-    def solve(self, b: NDArray[np.float64]) -> NDArray[np.float64]:
+    def solve(self, b: Reals) -> Reals:
         """Return the solution for right-hand sides (n, k), the unknowns in the order of the blocks."""
         ends = np.cumsum([block.shape[0] for block in self.inverse])
         parts = [np.asfortranarray(part) for part in np.split(b, ends[:-1])]
@@ -91,7 +92,7 @@ class ChainFactor:
         return np.vstack(parts)
 
 
-def factorize(columns: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]) -> ChainFactor:
+def factorize(columns: Iterable[tuple[Reals, Reals]]) -> ChainFactor:
     """Factorise a symmetric positive definite block tridiagonal matrix.
 
     Parameters
@@ -105,8 +106,8 @@ def factorize(columns: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]
     SolveError
         The matrix is not positive definite.
     """
-    inverse: list[NDArray[np.float64]] = []
-    below: list[NDArray[np.float64]] = []
+    inverse: list[Reals] = []
+    below: list[Reals] = []
     for block, coupling in columns:
         symmetric = np.asfortranarray(block.T)  # the same matrix, in LAPACK's order without a copy
         if inverse:
@@ -125,9 +126,6 @@ def factorize(columns: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]
     return ChainFactor(inverse=inverse, below=below)
 
 
-Vector = NDArray[np.float64]
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LowRank:
     """Spaces in which all of some Kronecker products act: for each field, (range over z) x (range over plan).
@@ -140,14 +138,14 @@ class LowRank:
         Orthonormal range over the plan.
     """
 
-    z: Mapping[Field, Vector]
-    planar: Mapping[Field, Vector]
+    z: Mapping[Field, Reals]
+    planar: Mapping[Field, Reals]
 
-    def vectors(self) -> Vector:
+    def vectors(self) -> Reals:
         """Return the basis U of the space, (size, rank), field after field."""
         return np.asarray(la.block_diag(*(np.kron(self.z[f], self.planar[f]) for f in FIELDS)))
 
-    def core(self, krons: tuple[Kron, ...]) -> Vector:
+    def core(self, krons: tuple[Kron, ...]) -> Reals:
         """Return the matrix C, (rank, rank), with which the sum of products is U C U'."""
         ends = np.cumsum([0, *(self.z[f].shape[1] * self.planar[f].shape[1] for f in FIELDS)])
         core = np.zeros((ends[-1], ends[-1]))
@@ -179,8 +177,8 @@ class FarProduct:
 
     term: Term
     kron: Kron
-    row: Vector
-    column: Vector
+    row: Reals
+    column: Reals
 
     @classmethod
     def of(cls, term: Term, kron: Kron) -> FarProduct:
@@ -210,7 +208,7 @@ def _distinct(matrices: Iterable[Matrix]) -> list[Matrix]:
     return found
 
 
-def _range(matrices: list[sp.csc_matrix], n: int) -> Vector:
+def _range(matrices: list[sp.csc_matrix], n: int) -> Reals:
     """Return an orthonormal basis of the columns of all matrices together, (n, rank)."""
     rank = 1e-11  # singular values below this share of the largest are rounding
     matrices = [m for m in matrices if m.nnz]
@@ -244,10 +242,10 @@ class PartFactor:
 
     rows: NDArray[np.intp]
     chain: ChainFactor
-    vectors: Vector
-    correction: Vector
+    vectors: Reals
+    correction: Reals
 
-    def solve(self, b: Vector) -> Vector:
+    def solve(self, b: Reals) -> Reals:
         """Return the solution for right-hand sides (n, k) of the part."""
         x = self.chain.solve(b)
         if self.vectors.shape[1]:
@@ -261,7 +259,7 @@ class Factor:
 
     parts: tuple[PartFactor, ...]
 
-    def solve(self, b: Vector) -> Vector:
+    def solve(self, b: Reals) -> Reals:
         """Return the solution for right-hand sides (n, k)."""
         at_once = 128  # right-hand sides: more of them take memory for copies, and no less time
         x = np.empty_like(b)
@@ -272,7 +270,7 @@ class Factor:
         return x
 
 
-def with_change(chain: ChainFactor, rows: NDArray[np.intp], change: LowRank, core: Vector) -> PartFactor:
+def with_change(chain: ChainFactor, rows: NDArray[np.intp], change: LowRank, core: Reals) -> PartFactor:
     """Return the factor of A + U C U' from that of A, whose unknowns are `rows` of the equations."""
     vectors = change.vectors()[rows]
     if not vectors.shape[1]:

@@ -10,12 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from model.elements.equations import Assembly, Kron, ParameterFactor, Target, Term
 from model.elements.mesh import FIELDS, Field
 from model.solvers.eigen import Block, lowest_modes, orthonormalize
 from model.solvers.low_rank import Factor, FarProduct, LowRank, factorize, levels, low_rank, with_change
 
-Vector = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
@@ -91,12 +91,12 @@ class Coupling:
 
     row: Field
     column: Field
-    z: Vector
+    z: Reals
     target: tuple[Target, ...]
     factor: tuple[ParameterFactor, ...]
-    entries: Mapping[tuple[int, int], tuple[Index, Index, Vector]]
+    entries: Mapping[tuple[int, int], tuple[Index, Index, Reals]]
 
-    def weighted_z(self, theta: Mapping[str, float], shift: float) -> Vector:
+    def weighted_z(self, theta: Mapping[str, float], shift: float) -> Reals:
         """Return the matrices over z with their share in K + shift M, (n_product, n_z_row, n_z_column)."""
         share = [
             factor(theta) * (shift if target == "M" else 1.0)
@@ -194,7 +194,7 @@ class Solver:
         default_factory=dict, init=False, repr=False
     )
 
-    def _columns(self, groups: tuple[Group, ...], weighted: list[Vector]) -> Iterator[tuple[Vector, Vector]]:
+    def _columns(self, groups: tuple[Group, ...], weighted: list[Reals]) -> Iterator[tuple[Reals, Reals]]:
         """Yield each diagonal block and its coupling to the next block as `factorize` wants them."""
         for i, group in enumerate(groups):
             last = i + 1 == len(groups)
@@ -203,7 +203,7 @@ class Solver:
                 np.zeros((0, 0)) if last else self._block(group, groups[i + 1], weighted)[group.n_free :],
             )
 
-    def _block(self, group: Group, right: Group, weighted: list[Vector]) -> Vector:
+    def _block(self, group: Group, right: Group, weighted: list[Reals]) -> Reals:
         """Return rows of one group, columns of another."""
         block = np.zeros((group.total, right.total))
         row_places, column_places = group.places(), right.places()
@@ -245,12 +245,12 @@ class Solver:
         self,
         theta: Mapping[str, float],
         shift: float,
-        start: Vector,
+        start: Reals,
         n_mode: int,
         tolerance: float,
-        rigid: Vector | None = None,
+        rigid: Reals | None = None,
         min_steps: int = 2,
-    ) -> tuple[Vector, Vector]:
+    ) -> tuple[Reals, Reals]:
         """Return the lowest eigenvalues and vectors of the equations of motion.
 
         Parameters
@@ -273,7 +273,7 @@ class Solver:
         free = 1e-8  # of the shift: energy of rigid-body motion below it is rounding
         mass, stiffness = (self.assembly.krons(target, theta) for target in ("M", "K"))
 
-        def product(x: Vector) -> Vector:
+        def product(x: Reals) -> Reals:
             return self.assembly.apply(mass, x)
 
         known: list[Block] = []

@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from lamella_shared import readonly
+from lamella_arrays import Booleans, Integers, Reals, readonly
 from model.stack.errors import StackError
 
-Points = NDArray[np.float64]
 _PICKLES = (".pkl", ".pickle")
 
 _SEGMENTS = 16  # fewest sides of a circle
@@ -40,8 +38,8 @@ class Triangulation:
         A triangle is degenerate, or a corner belongs to none.
     """
 
-    point: Points
-    triangle: NDArray[np.int64]
+    point: Reals
+    triangle: Integers
 
     def __post_init__(self) -> None:
         least_angle = 5.0  # degrees
@@ -65,7 +63,7 @@ class Triangulation:
         return float(_areas(self.point, self.triangle).sum())
 
     @property
-    def bounds(self) -> Points:
+    def bounds(self) -> Reals:
         """Lowest and highest x, lowest and highest y, (2, 2) m."""
         return np.column_stack([self.point.min(axis=0), self.point.max(axis=0)])
 
@@ -86,8 +84,8 @@ class Outline:
         Corners of each hole in order, m.
     """
 
-    boundary: Points
-    holes: tuple[Points, ...] = ()
+    boundary: Reals
+    holes: tuple[Reals, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "boundary", readonly("Outline", "boundary", self.boundary, (None, 2)))
@@ -108,7 +106,7 @@ class Outline:
         return _polygon_area(self.boundary) - sum(_polygon_area(hole) for hole in self.holes)
 
     @property
-    def bounds(self) -> Points:
+    def bounds(self) -> Reals:
         """Lowest and highest x, lowest and highest y, (2, 2) m."""
         return np.column_stack([self.boundary.min(axis=0), self.boundary.max(axis=0)])
 
@@ -222,7 +220,7 @@ def stator(
     return Outline(boundary=circle(outer, n_side), holes=(bore_polygon, *bolts))
 
 
-def _bolt_holes(holes: BoltHoles, slot: float, outer: float, n_side: int) -> tuple[Points, ...]:
+def _bolt_holes(holes: BoltHoles, slot: float, outer: float, n_side: int) -> tuple[Reals, ...]:
     """Return the polygons of holes in the yoke, which lies between two diameters."""
     beside = holes.circle * np.sin(min(np.pi / max(holes.number, 1), np.pi / 2.0))
     hole = holes.diameter
@@ -236,7 +234,7 @@ def _bolt_holes(holes: BoltHoles, slot: float, outer: float, n_side: int) -> tup
     return tuple(found)
 
 
-def circle(diameter: float, n_side: int) -> Points:
+def circle(diameter: float, n_side: int) -> Reals:
     """Return the corners, (n_side, 2), of a regular polygon with the area of the circle."""
     n_side = max(n_side, _SEGMENTS // 2)
     angle = 2.0 * np.pi * np.arange(n_side) / n_side
@@ -281,7 +279,7 @@ def read_mesh(path: str | Path) -> Triangulation:
         raise StackError(f"{path}: {error}") from error
 
 
-def inside(points: Points, polygons: tuple[Points, ...]) -> NDArray[np.bool_]:
+def inside(points: Reals, polygons: tuple[Reals, ...]) -> Booleans:
     """Return whether points (n, 2) lie inside an odd number of polygons (ray crossing)."""
     within = np.zeros(len(points), dtype=bool)
     x, y = points.T
@@ -293,7 +291,7 @@ def inside(points: Points, polygons: tuple[Points, ...]) -> NDArray[np.bool_]:
     return within
 
 
-def smallest_angle(point: Points, triangle: NDArray[np.int64]) -> Points:
+def smallest_angle(point: Reals, triangle: Integers) -> Reals:
     """Return the smallest angle of each triangle, degrees."""
     corner = point[triangle]
     side = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
@@ -302,17 +300,17 @@ def smallest_angle(point: Points, triangle: NDArray[np.int64]) -> Points:
     return np.degrees(np.arccos(cosine))
 
 
-def _areas(point: Points, triangle: NDArray[np.int64]) -> Points:
+def _areas(point: Reals, triangle: Integers) -> Reals:
     a, b, c = (point[triangle[:, i]] for i in range(3))
     return 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
 
 
-def _polygon_area(polygon: Points) -> float:
+def _polygon_area(polygon: Reals) -> float:
     x, y = polygon.T
     return float(0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
 
 
-def _divided(polygon: Points, size: float) -> Points:
+def _divided(polygon: Reals, size: float) -> Reals:
     """Return a polygon with points added so that no side is longer than 1.2 sizes."""
     parts = []
     for start, stop in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
@@ -321,9 +319,7 @@ def _divided(polygon: Points, size: float) -> Points:
     return np.vstack(parts)
 
 
-def _delaunay(
-    polygons: tuple[Points, ...], rims: list[Points], size: float
-) -> tuple[Points, NDArray[np.int64], list[Points], bool]:
+def _delaunay(polygons: tuple[Reals, ...], rims: list[Reals], size: float) -> tuple[Reals, Integers, list[Reals], bool]:
     """Return points, triangles, rims with sides split where no triangle lies on them, and whether all were there."""
     smoothing = 12
     clearance = 0.55  # of the element size, between the boundary and the points inside
@@ -360,7 +356,7 @@ def _delaunay(
     return point, triangle, split, complete
 
 
-def _smoothed(point: Points, triangle: NDArray[np.int64], n_fixed: int) -> Points:
+def _smoothed(point: Reals, triangle: Integers, n_fixed: int) -> Reals:
     """Move each free point to the mean of its neighbours."""
     total, count = np.zeros_like(point), np.zeros(len(point))
     for i in range(3):

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lamella_shared import arrays, plain_text
+from lamella_arrays import Reals, arrays
+from lamella_shared import plain_text
 from model.stack.errors import StackError
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ class PressureDistribution(Protocol):
         """Mean pressure over the plan, Pa."""
         ...
 
-    def at(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def at(self, points: Reals) -> tuple[Reals, Reals]:
         """Return pressure and normal tangent modulus, Pa, (n_interface, n) each, at points (n, 2) of the plan."""
         ...
 
@@ -275,7 +275,7 @@ class Instruments:
     """
 
     shaker: tuple[float, float, float]
-    sensor: NDArray[np.float64]
+    sensor: Reals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -368,8 +368,8 @@ class CompressionCurve:
         one point to the next.
     """
 
-    strain: NDArray[np.float64]
-    pressure: NDArray[np.float64]
+    strain: Reals
+    pressure: Reals
 
     def __post_init__(self) -> None:
         least_rise = 1e-12  # from point to point, of the largest value: less is rounding, and divided by
@@ -403,7 +403,7 @@ class CompressionCurve:
         slope[0], slope[-1] = max(slope[0], 0.5 * secant[0]), max(slope[-1], 0.5 * secant[-1])
         return CubicHermiteSpline(self.strain, self.pressure, slope)
 
-    def evaluate(self, strain: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def evaluate(self, strain: Reals) -> tuple[Reals, Reals]:
         """Return the pressure and the tangent modulus, Pa, at compressive strains of any shape.
 
         Both are 0 at negative strain. At 0 the tangent is the one of contact that closes.

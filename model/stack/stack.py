@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from lamella_shared import Shown
 from model.stack.effect import Effect, shared_parameters
 from model.stack.errors import EffectError, StackError
@@ -102,7 +102,7 @@ class Stack(Shown):
         return (self.height - sum(layer.thickness for layer in self.interlayers)) / self.n_lamina
 
     @property
-    def spacing(self) -> NDArray[np.float64]:
+    def spacing(self) -> Reals:
         """Distance of neighbouring lamina mid-planes, (n_lamina - 1,) m, the lowest one first."""
         spacing = np.full(self.n_lamina - 1, self.pitch)
         for layer in self.interlayers:
@@ -110,13 +110,13 @@ class Stack(Shown):
         return spacing
 
     @property
-    def touching(self) -> NDArray[np.float64]:
+    def touching(self) -> Reals:
         """1 where neighbouring laminas touch, 0 where a soft layer parts them, (n_lamina - 1,)."""
         parted = np.isin(np.arange(1, self.n_lamina), [layer.below for layer in self.interlayers])
         return np.where(parted, 0.0, 1.0)
 
     @property
-    def lamina_z(self) -> NDArray[np.float64]:
+    def lamina_z(self) -> Reals:
         """Heights of the lamina mid-planes, (n_lamina,) m, the bottom one first."""
         bottom = (self.pitch - self.height) / 2.0
         return np.asarray(bottom + np.concatenate([[0.0], np.cumsum(self.spacing)]), dtype=np.float64)

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
 
 from ema import (
@@ -40,6 +39,7 @@ from ema.plot.figures import (
 )
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
+from lamella_arrays import Reals
 from updating.commands.terminal import OUT, print_lines, print_results
 from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (
@@ -125,7 +125,7 @@ def _identify(assigned: Assignment) -> Identified:
     return result
 
 
-def _abscissa(configurations: Sequence[Configuration]) -> tuple[NDArray[np.float64], str]:
+def _abscissa(configurations: Sequence[Configuration]) -> tuple[Reals, str]:
     """Return what to compare over: torque or pressure where all state it and it varies, else the number."""
     for name, unit, factor in (("torque", "N m", 1.0), ("pressure", "kPa", 1e-3)):
         stated = [getattr(c, name) for c in configurations]
@@ -188,7 +188,7 @@ def modes_table(measured: ModalModel, explained: ExplainedPower) -> Table:
     return Table(title, columns, rows)
 
 
-def _explained(mean: float, share: NDArray[np.float64], channel: tuple[str, ...]) -> tuple[str, str]:
+def _explained(mean: float, share: Reals, channel: tuple[str, ...]) -> tuple[str, str]:
     """Share over all channels, %, and the least one with its channel; dashes where a band holds no line."""
     if np.isnan(share).any():
         return "-", "-"

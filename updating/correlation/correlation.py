@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import frac
-from lamella_shared import arrays
+from lamella_arrays import Complexes, Integers, Reals, arrays
 from updating.correlation.pairing import ModeSet, Pairing, rotate_onto
 from updating.errors import PairingError, UpdatingError
 
@@ -18,15 +18,15 @@ class MeasuredModes(ModeSet, Protocol):
     """Modes with the standard deviations that an identification gives them."""
 
     @property
-    def frequency_std(self) -> NDArray[np.float64]:
+    def frequency_std(self) -> Reals:
         """Standard deviations of the natural frequencies (n_mode,), Hz."""
 
     @property
-    def damping_std(self) -> NDArray[np.float64]:
+    def damping_std(self) -> Reals:
         """Standard deviations of the damping ratios (n_mode,)."""
 
     @property
-    def shape_std(self) -> NDArray[np.float64]:
+    def shape_std(self) -> Reals:
         """Standard deviations of the shape components (n_dof, n_mode)."""
 
 
@@ -62,16 +62,16 @@ class Correlation:
         MAC that the measurement's noise alone would leave with a right model, on average.
     """
 
-    measured_frequency: NDArray[np.float64]
-    model_frequency: NDArray[np.float64]
-    frequency_error: NDArray[np.float64]
-    frequency_error_std: NDArray[np.float64]
-    measured_damping: NDArray[np.float64]
-    model_damping: NDArray[np.float64]
-    damping_error: NDArray[np.float64]
-    damping_error_std: NDArray[np.float64]
-    mac: NDArray[np.float64]
-    noise_mac: NDArray[np.float64]
+    measured_frequency: Reals
+    model_frequency: Reals
+    frequency_error: Reals
+    frequency_error_std: Reals
+    measured_damping: Reals
+    model_damping: Reals
+    damping_error: Reals
+    damping_error_std: Reals
+    mac: Reals
+    noise_mac: Reals
 
 
 def correlate(measured: MeasuredModes, model: ModeSet, pairing: Pairing) -> Correlation:
@@ -140,22 +140,22 @@ class PointCorrelation:
         Standard deviation of `difference` that the measurement's noise causes.
     """
 
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
-    comac: NDArray[np.float64]
-    s_comac: NDArray[np.float64]
-    e_comac: NDArray[np.float64]
-    scale: NDArray[np.complex128]
-    difference: NDArray[np.complex128]
-    difference_std: NDArray[np.float64]
+    node: Integers
+    direction: Reals
+    comac: Reals
+    s_comac: Reals
+    e_comac: Reals
+    scale: Complexes
+    difference: Complexes
+    difference_std: Reals
 
     @property
-    def error(self) -> NDArray[np.float64]:
+    def error(self) -> Reals:
         """Root mean square of `difference` over all pairs, (n_dof,)."""
         return np.sqrt(np.mean(np.abs(self.difference) ** 2, axis=1))
 
     @property
-    def error_std(self) -> NDArray[np.float64]:
+    def error_std(self) -> Reals:
         """What `error` would be from the measurement's noise alone, (n_dof,)."""
         return np.sqrt(np.mean(self.difference_std**2, axis=1))
 
@@ -205,7 +205,7 @@ def correlate_points(measured: MeasuredModes, model: ModeSet, pairing: Pairing) 
     )
 
 
-def _comac(a: NDArray[np.inexact], b: NDArray[np.inexact]) -> NDArray[np.float64]:
+def _comac(a: NDArray[np.inexact], b: NDArray[np.inexact]) -> Reals:
     """Return the correlation of two sets of shapes over the modes at each DOF; 1 where both vanish."""
     cross = np.abs(np.sum(a * b.conj(), axis=1)) ** 2
     product = np.sum(np.abs(a) ** 2, axis=1) * np.sum(np.abs(b) ** 2, axis=1)
@@ -230,10 +230,10 @@ class FrfCorrelation:
         Cross signature scale factor: 1 only where the level agrees as well.
     """
 
-    frequency: NDArray[np.float64]
-    frac: NDArray[np.float64]
-    csac: NDArray[np.float64]
-    csf: NDArray[np.float64]
+    frequency: Reals
+    frac: Reals
+    csac: Reals
+    csf: Reals
 
 
 def correlate_frf(measured: ArrayLike, model: ArrayLike, frequency: ArrayLike) -> FrfCorrelation:
@@ -267,7 +267,7 @@ def correlate_frf(measured: ArrayLike, model: ArrayLike, frequency: ArrayLike) -
     )
 
 
-def fdac(measured: ArrayLike, model: ArrayLike) -> NDArray[np.float64]:
+def fdac(measured: ArrayLike, model: ArrayLike) -> Reals:
     """Frequency domain assurance criterion: deflection shapes of every two lines compared, with their sign.
 
     A ridge beside the diagonal shows by how much the model is too stiff or too soft at each frequency: the line of the
@@ -298,7 +298,7 @@ def fdac(measured: ArrayLike, model: ArrayLike) -> NDArray[np.float64]:
     return np.asarray((unit[0].conj().T @ unit[1]).real)
 
 
-def _functions(measured: ArrayLike, model: ArrayLike) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def _functions(measured: ArrayLike, model: ArrayLike) -> tuple[Complexes, Complexes]:
     first, second = np.asarray(measured, dtype=complex), np.asarray(model, dtype=complex)
     if first.ndim != 3 or first.shape != second.shape:
         raise UpdatingError(

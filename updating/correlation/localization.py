@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ema.modal.mac import real_shape
 from ema.types.modal_model import ModalModel
-from lamella_shared import readonly
+from lamella_arrays import Integers, Reals, readonly
 from model import Observation, ReducedSystem, Stack
 from model.contact.pressing import pressure_distribution
 from model.elements.mesh import FIELDS, Derivative, Field
@@ -20,8 +20,6 @@ from model.modes.modes import full_parameters, observe
 from model.reduction.reduction import shifted_factor
 from model.solvers.eigen import orthonormalize
 from updating.errors import UpdatingError
-
-Vector = NDArray[np.float64]
 
 ENERGY_KINDS = ("lamina membrane", "lamina bending", "tangential contact", "normal contact", "mass")
 """Kinds of stiffness, and the mass last. A soft layer counts as the contact that it takes the place of."""
@@ -46,9 +44,9 @@ class Regions:
         Ascending edges of the boxes along each axis, m.
     """
 
-    x: Vector
-    y: Vector
-    z: Vector
+    x: Reals
+    y: Reals
+    z: Reals
 
     def __post_init__(self) -> None:
         for name in ("x", "y", "z"):
@@ -72,7 +70,7 @@ def regions(stack: Stack, n_x: int = 10, n_y: int = 2, n_z: int = 4) -> Regions:
     return Regions(x=x, y=y, z=z)
 
 
-def energy_by_region(system: ReducedSystem, displacement: Vector, theta: Mapping[str, float], where: Regions) -> Vector:
+def energy_by_region(system: ReducedSystem, displacement: Reals, theta: Mapping[str, float], where: Regions) -> Reals:
     """Return x' K x by kind of stiffness, and x' M x, of every region.
 
     Energies are integrated at the quadrature points of every lamina and interface; a clamp's mass counts where its
@@ -122,7 +120,7 @@ class _Points:
         z = system.stack.lamina_z
         self.layer = {z.size: _bin(z, where.z), z.size - 1: _bin((z[1:] + z[:-1]) / 2.0, where.z)}
 
-    def field(self, x: Vector, field: Field, derivative: Derivative = "") -> Vector:
+    def field(self, x: Reals, field: Field, derivative: Derivative = "") -> Reals:
         """Return a field, or a derivative, at all points, (n_lamina, n_point)."""
         key = (field, derivative)
         if key not in self.rows:
@@ -130,7 +128,7 @@ class _Points:
         coefficient = x[self.slices[field]].reshape(self.system.assembly.n_z[field], -1)
         return np.asarray(self.system.phi[field] @ (self.rows[key] @ coefficient.T).T)  # type: ignore[operator]
 
-    def sums(self, density: Vector) -> Vector:
+    def sums(self, density: Reals) -> Reals:
         """Integrate a density (n_layer, n_point) over the plan of every region, (n_x, n_y, n_z)."""
         n_x, n_y, n_z = self.shape
         over_plan = (density * self.area) @ self.to_cell
@@ -139,11 +137,11 @@ class _Points:
         return total.T.reshape(n_x, n_y, n_z)
 
 
-def _bin(value: Vector, edges: Vector) -> NDArray[np.intp]:
+def _bin(value: Reals, edges: Reals) -> NDArray[np.intp]:
     return np.clip(np.searchsorted(edges, value, side="right") - 1, 0, edges.size - 2)
 
 
-def _contact_moduli(stack: Stack, location: Vector) -> tuple[Vector, Vector]:
+def _contact_moduli(stack: Stack, location: Reals) -> tuple[Reals, Reals]:
     """Return shear and normal modulus of every interface over the plan, Pa, (n_interface, n_point or 1) each."""
     n = stack.n_lamina - 1
     distribution = pressure_distribution(stack)
@@ -159,7 +157,7 @@ def _contact_moduli(stack: Stack, location: Vector) -> tuple[Vector, Vector]:
     return shear, normal
 
 
-def _densities(points: _Points, x: Vector, shear: Vector, normal: Vector) -> dict[str, Vector]:
+def _densities(points: _Points, x: Reals, shear: Reals, normal: Reals) -> dict[str, Reals]:
     """Return energy per area of every lamina or interface by kind, each (n_layer, n_point).
 
     Sources: Reddy, Mechanics of Laminated Composite Plates and Shells, 2nd ed., sections 2.4 and 3.3, for the
@@ -169,7 +167,7 @@ def _densities(points: _Points, x: Vector, shear: Vector, normal: Vector) -> dic
     t, spacing = stack.pitch, stack.spacing[:, None]
     q11, q12, q22, q66 = stack.material.plane_stress()
 
-    def at(field: Field, derivative: Derivative = "") -> Vector:
+    def at(field: Field, derivative: Derivative = "") -> Reals:
         return points.field(x, field, derivative)
 
     strain_x, strain_y, strain_xy = at("u", "x"), at("v", "y"), at("u", "y") + at("v", "x")
@@ -178,7 +176,7 @@ def _densities(points: _Points, x: Vector, shear: Vector, normal: Vector) -> dic
     slope_x, slope_y = at("w", "x"), at("w", "y")
     slip = [np.diff(a, axis=0) / spacing + (slope[1:] + slope[:-1]) / 2.0 for a, slope in ((u, slope_x), (v, slope_y))]
 
-    def plane(a: Vector, b: Vector, c: Vector) -> Vector:
+    def plane(a: Reals, b: Reals, c: Reals) -> Reals:
         return np.asarray(q11 * a**2 + q22 * b**2 + 2.0 * q12 * a * b + q66 * c**2)
 
     rotation = t**2 / 12.0 * (slope_x**2 + slope_y**2)
@@ -192,7 +190,7 @@ def _densities(points: _Points, x: Vector, shear: Vector, normal: Vector) -> dic
     return dict(zip(ENERGY_KINDS, densities, strict=True))
 
 
-def _clamp_energy(system: ReducedSystem, x: Vector, where: Regions) -> Vector:
+def _clamp_energy(system: ReducedSystem, x: Reals, where: Regions) -> Reals:
     """Return x' M x of the clamps, each lamina's share in the region of the clamp's centre, (n_x, n_y, n_z)."""
     stack, assembly = system.stack, system.assembly
     term = {term.name: term for term in system.laminas.terms}
@@ -243,14 +241,14 @@ class ErrorMap:
     """
 
     regions: Regions
-    frequency: Vector
-    error: Vector
-    strain: Vector
-    total: Vector
-    floor: Vector
-    misfit: Vector
-    explained: Vector
-    change: Vector
+    frequency: Reals
+    error: Reals
+    strain: Reals
+    total: Reals
+    floor: Reals
+    misfit: Reals
+    explained: Reals
+    change: Reals
 
     def __post_init__(self) -> None:
         n_mode, n_kind = np.size(self.frequency), len(ENERGY_KINDS)
@@ -262,7 +260,7 @@ class ErrorMap:
                 object.__setattr__(self, field.name, array)
 
     @property
-    def relative(self) -> Vector:
+    def relative(self) -> Reals:
         """Error over strain energy of all modes together by kind and region, (n_stiffness, n_x, n_y, n_z).
 
         1 is the mean of the kind. Regions that hardly strain are damped towards 0.
@@ -274,7 +272,7 @@ class ErrorMap:
         return ratio * _over(mean, error.mean(axis=(1, 2, 3), keepdims=True))
 
     @property
-    def contrast(self) -> Vector:
+    def contrast(self) -> Reals:
         """How unlike error and strain energy of each kind are spread, (n_stiffness,).
 
         The total variation distance of the two: 0 where the error follows the strain energy, as it does when a kind is
@@ -284,7 +282,7 @@ class ErrorMap:
         shares = [_over(a, a.sum(axis=1, keepdims=True)) for a in (error, strain)]
         return np.asarray(np.abs(shares[0] - shares[1]).sum(axis=1) / 2.0)
 
-    def peak(self, kind: str) -> tuple[Vector, Vector]:
+    def peak(self, kind: str) -> tuple[Reals, Reals]:
         """Return the lower and the upper corner, (3,) m each, of the region where `relative` is largest.
 
         Raises
@@ -318,7 +316,7 @@ def map_error(
     where: Regions,
     *,
     G_f: float,
-    modes: NDArray[np.int64],
+    modes: Integers,
     parameters: Mapping[str, float] | None = None,
 ) -> ErrorMap:
     """Map the error in constitutive relation of a model against measured modes.
@@ -369,12 +367,7 @@ def map_error(
 
 
 def _optima(
-    system: ReducedSystem,
-    theta: Mapping[str, float],
-    basis: Vector,
-    rows: Vector,
-    measured: ModalModel,
-    modes: NDArray[np.int64],
+    system: ReducedSystem, theta: Mapping[str, float], basis: Reals, rows: Reals, measured: ModalModel, modes: Integers
 ) -> list[_Fields]:
     """Return the optimum of each measured mode in the span of the basis, in which `rows` are the measured DOFs."""
     # Errors of places, directions and calibration of the sensors, relative to a shape's root mean square
@@ -391,16 +384,16 @@ def _optima(
     return found
 
 
-Matrices = dict[str, Vector]
+Matrices = dict[str, Reals]
 """Stiffness of each kind, of "other" terms, and the "mass", in the span of the solution."""
 
 
-def _span(system: ReducedSystem, observation: Observation, theta: Mapping[str, float]) -> tuple[Vector, Vector]:
+def _span(system: ReducedSystem, observation: Observation, theta: Mapping[str, float]) -> tuple[Reals, Reals]:
     """Return a mass-orthonormal basis (assembly.size, n) of the solutions and the measured rows in it."""
     assembly, rows = system.assembly, observe(system, observation).rows
     mass = assembly.krons("M", theta)
 
-    def product(x: Vector) -> Vector:
+    def product(x: Reals) -> Reals:
         return np.asarray(assembly.apply(mass, x))
 
     factor = shifted_factor(system.assembly, theta)
@@ -412,7 +405,7 @@ def _span(system: ReducedSystem, observation: Observation, theta: Mapping[str, f
     return basis, np.asarray(rows @ basis)
 
 
-def _matrices(system: ReducedSystem, basis: Vector, theta: Mapping[str, float]) -> Matrices:
+def _matrices(system: ReducedSystem, basis: Reals, theta: Mapping[str, float]) -> Matrices:
     """Project the terms on the basis, by kind."""
     size = basis.shape[1]
     found: Matrices = {kind: np.zeros((size, size)) for kind in (*ENERGY_KINDS, "other")}
@@ -436,15 +429,15 @@ def _matrices(system: ReducedSystem, basis: Vector, theta: Mapping[str, float]) 
 class _Fields:
     """The optimum for one mode, scaled to u' K u = 1, with the matrices that it was found with."""
 
-    u: Vector
-    e: Vector
+    u: Reals
+    e: Reals
     misfit: float
     omega: float
     matrices: Matrices
-    stiffness: Vector
+    stiffness: Reals
 
 
-def _solve(matrices: Matrices, omega: float, rows: Vector, shape: Vector) -> _Fields:
+def _solve(matrices: Matrices, omega: float, rows: Reals, shape: Reals) -> _Fields:
     """Find u and e for whitened rows and shape.
 
     With A = K - omega**2 M the optimum has A e = L' m for multipliers m at the measured points, and u = A^-1 K e,
@@ -478,7 +471,7 @@ def _solve(matrices: Matrices, omega: float, rows: Vector, shape: Vector) -> _Fi
     )
 
 
-def _common_changes(found: list[_Fields]) -> tuple[Vector, Vector]:
+def _common_changes(found: list[_Fields]) -> tuple[Reals, Reals]:
     """Return the share of the eigenvalue errors that a common change of each kind explains, and that change.
 
     If all stiffness of one kind were (1 + a) times the model's, the Rayleigh quotient of u would give
@@ -493,6 +486,6 @@ def _common_changes(found: list[_Fields]) -> tuple[Vector, Vector]:
     return _over(cross**2, norm * (error @ error)), _over(cross, norm)
 
 
-def _over(value: Vector, size: Vector) -> Vector:
+def _over(value: Reals, size: Reals) -> Reals:
     """Return values over sizes, and 0 where there is nothing: one lamina has no contact to strain."""
     return np.where(size == 0.0, 0.0, value / np.where(size == 0.0, 1.0, size))

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ema.modal.configurations import CLOSE, clusters
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
-from lamella_shared import arrays
+from lamella_arrays import Complexes, Integers, Reals, arrays
 from model import Modes, Observation, Observed, ReducedSystem, Stack, solve_modes
 from updating.correlation.registration import pseudo_orthogonality, visible
 from updating.errors import PairingError
@@ -37,11 +37,11 @@ class ModeSet(Protocol):
     """What pairing needs to know of modes, measured or modelled."""
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Reals:
         """Natural frequencies (n_mode,), Hz."""
 
     @property
-    def damping(self) -> NDArray[np.float64]:
+    def damping(self) -> Reals:
         """Damping ratios (n_mode,)."""
 
     @property
@@ -49,11 +49,11 @@ class ModeSet(Protocol):
         """Mode shapes (n_dof, n_mode)."""
 
     @property
-    def node(self) -> NDArray[np.int64]:
+    def node(self) -> Integers:
         """Point number of each DOF (n_dof,)."""
 
     @property
-    def direction(self) -> NDArray[np.float64]:
+    def direction(self) -> Reals:
         """Direction of each DOF (n_dof, 3)."""
 
 
@@ -79,17 +79,17 @@ class Pairing:
         MAC of the worst direction of that subspace; the pair's own MAC where it stands alone.
     """
 
-    mac: NDArray[np.float64]
-    measured: NDArray[np.int64]
-    model: NDArray[np.int64]
-    unpaired_measured: NDArray[np.int64]
-    unpaired_model: NDArray[np.int64]
+    mac: Reals
+    measured: Integers
+    model: Integers
+    unpaired_measured: Integers
+    unpaired_model: Integers
     threshold: float
-    subspace: NDArray[np.int64]
-    subspace_mac: NDArray[np.float64]
+    subspace: Integers
+    subspace_mac: Reals
 
     @property
-    def paired_mac(self) -> NDArray[np.float64]:
+    def paired_mac(self) -> Reals:
         """MAC of each pair (n_pair,)."""
         return self.mac[self.measured, self.model]
 
@@ -141,18 +141,13 @@ def pair(measured: ModeSet, model: ModeSet, *, threshold: float = LEAST_MAC) -> 
 class _Scores:
     """MAC of all pairs, what may decide beside it, and the MAC that makes a pair."""
 
-    mac: NDArray[np.float64]
-    bonus: NDArray[np.float64]
+    mac: Reals
+    bonus: Reals
     threshold: float
 
 
 def _by_subspace(
-    measured: ModeSet,
-    model: ModeSet,
-    scores: _Scores,
-    row: NDArray[np.int64],
-    column: NDArray[np.int64],
-    groups: Groups,
+    measured: ModeSet, model: ModeSet, scores: _Scores, row: Integers, column: Integers, groups: Groups
 ) -> Pairing:
     """Return the pairs that stand alone or, where close modes are mixed, as parts of a common subspace."""
     value, threshold = scores.mac, scores.threshold
@@ -184,7 +179,7 @@ def _by_subspace(
     )
 
 
-Groups = tuple[tuple[NDArray[np.int64], ...], tuple[NDArray[np.int64], ...]]
+Groups = tuple[tuple[Integers, ...], tuple[Integers, ...]]
 """Clusters of close modes, of the measurement and of the model."""
 
 
@@ -204,9 +199,7 @@ def require_points(measured: ModalModel) -> None:
         )
 
 
-def _assign(
-    likeness: NDArray[np.float64], bonus: NDArray[np.float64], threshold: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _assign(likeness: Reals, bonus: Reals, threshold: float) -> tuple[Integers, Integers]:
     """Return rows and columns of the assignment of the largest sum, without those below the threshold."""
     allowed = likeness >= threshold
     row, column = scipy.optimize.linear_sum_assignment(np.where(allowed, likeness + bonus, 0.0), maximize=True)
@@ -214,7 +207,7 @@ def _assign(
     return row[kept], column[kept]
 
 
-def _span_likeness(measured: NDArray[np.inexact], model: NDArray[np.inexact], groups: Groups) -> NDArray[np.float64]:
+def _span_likeness(measured: NDArray[np.inexact], model: NDArray[np.inexact], groups: Groups) -> Reals:
     """Return the MAC of every mode with the span of every cluster on the other side, (n_measured, n_model)."""
     likeness = np.zeros((measured.shape[1], model.shape[1]))
     for group in groups[1]:
@@ -227,11 +220,7 @@ def _span_likeness(measured: NDArray[np.inexact], model: NDArray[np.inexact], gr
 
 
 def _common_subspace(
-    measured: NDArray[np.inexact],
-    model: NDArray[np.inexact],
-    row: NDArray[np.int64],
-    column: NDArray[np.int64],
-    groups: Groups,
+    measured: NDArray[np.inexact], model: NDArray[np.inexact], row: Integers, column: Integers, groups: Groups
 ) -> float:
     """Return the worst MAC of the paired modes of one side in the span of those and their cluster of the other."""
     with_mates = [
@@ -244,7 +233,7 @@ def _common_subspace(
     )
 
 
-def _linked(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:
+def _linked(first: Integers, second: Integers) -> Integers:
     """Return one number for all pairs that share a cluster on either side, directly or through others."""
     n_first, n_second = int(first.max(initial=-1)) + 1, int(second.max(initial=-1)) + 1
     size = n_first + n_second
@@ -252,9 +241,7 @@ def _linked(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.i
     return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1][first], dtype=np.int64)
 
 
-def _tie_breaker(
-    measured: ModeSet, model: ModeSet, value: NDArray[np.float64], threshold: float
-) -> NDArray[np.float64]:
+def _tie_breaker(measured: ModeSet, model: ModeSet, value: Reals, threshold: float) -> Reals:
     """Return how well frequency, damping and mass cross-orthogonality of every two modes fit, from 0 to 1."""
     # of the model's shapes at the measured points: above it their mass says nothing new
     worst_condition = 20.0
@@ -270,15 +257,13 @@ def _tie_breaker(
     return (fit + cross**2) / 2.0 if condition <= worst_condition else fit
 
 
-def _ratio(model: NDArray[np.float64], measured: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ratio(model: Reals, measured: Reals) -> Reals:
     """Return model over measured for every two modes, 1 where one of them has no value."""
     positive = (measured[:, None] > 0.0) & (model > 0.0)
     return np.divide(model, measured[:, None], out=np.ones(positive.shape), where=positive)
 
 
-def _without_common_factor(
-    logarithm: NDArray[np.float64], value: NDArray[np.float64], threshold: float
-) -> NDArray[np.float64]:
+def _without_common_factor(logarithm: Reals, value: Reals, threshold: float) -> Reals:
     """Subtract the median over the pairs that the MAC alone makes certain."""
     rank_row, rank_column = np.sort(value, axis=1), np.sort(value, axis=0)
     rival = np.maximum(
@@ -316,9 +301,9 @@ class Track:
         value says that the step was too long or that the mode left the modes that were solved for.
     """
 
-    column: NDArray[np.int64]
-    frequency: NDArray[np.float64]
-    cross_orthogonality: NDArray[np.float64]
+    column: Integers
+    frequency: Reals
+    cross_orthogonality: Reals
 
 
 def track(steps: Sequence[Modes], mass: ArrayLike, *, n_mode: int, close: float = CLOSE) -> Track:
@@ -361,7 +346,7 @@ def track(steps: Sequence[Modes], mass: ArrayLike, *, n_mode: int, close: float 
     return Track(column=column, frequency=frequency, cross_orthogonality=np.array(values))
 
 
-def _turned(step: Modes, followed: NDArray[np.float64], mass: NDArray[np.float64], close: float) -> NDArray[np.float64]:
+def _turned(step: Modes, followed: Reals, mass: Reals, close: float) -> Reals:
     """Return the modes of a step, each cluster turned onto the followed modes that lie most in its span."""
     turned = np.array(step.coordinate)
     for group in clusters(step.frequency, close):
@@ -378,7 +363,7 @@ def _turned(step: Modes, followed: NDArray[np.float64], mass: NDArray[np.float64
     return turned
 
 
-def subspace_mac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+def subspace_mac(a: ArrayLike, b: ArrayLike) -> Reals:
     """Squared cosines of the principal angles between the spans of two sets of shapes, descending.
 
     The last one is the MAC of the worst direction: 1 where one span holds the other. For one shape on each side it
@@ -398,7 +383,7 @@ def subspace_mac(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
     return np.minimum(cosine, 1.0) ** 2
 
 
-def span_mac(shape: ArrayLike, span: ArrayLike) -> NDArray[np.float64]:
+def span_mac(shape: ArrayLike, span: ArrayLike) -> Reals:
     """MAC of each shape with what comes nearest to it in the span of others.
 
     Parameters
@@ -435,7 +420,7 @@ def rotate_onto(shape: ArrayLike, target: ArrayLike) -> NDArray[Any]:
     return source @ (u @ v)
 
 
-def cluster_of(groups: Sequence[NDArray[np.int64]], n_mode: int) -> NDArray[np.int64]:
+def cluster_of(groups: Sequence[Integers], n_mode: int) -> Integers:
     """Return the number of the cluster of each mode, (n_mode,)."""
     number = np.zeros(n_mode, dtype=np.int64)
     for i, group in enumerate(groups):
@@ -449,13 +434,13 @@ def _span(shape: ArrayLike) -> NDArray[Any]:
     return la.orth(columns / np.linalg.norm(columns, axis=0))
 
 
-def poles(frequency: ArrayLike, damping: ArrayLike) -> NDArray[np.complex128]:
+def poles(frequency: ArrayLike, damping: ArrayLike) -> Complexes:
     """Poles, rad/s, of undamped natural frequencies (Hz) and damping ratios."""
     omega, ratio = 2.0 * np.pi * np.asarray(frequency, dtype=float), np.asarray(damping, dtype=float)
     return omega * (-ratio + 1j * np.sqrt(1.0 - ratio**2))
 
 
-def macxp(a: ArrayLike, pole_a: ArrayLike, b: ArrayLike, pole_b: ArrayLike) -> NDArray[np.float64]:
+def macxp(a: ArrayLike, pole_a: ArrayLike, b: ArrayLike, pole_b: ArrayLike) -> Reals:
     """Compare complex modes by the pole-weighted MAC, (n_a, n_b): 1 only where shape, frequency and damping agree.
 
     For light damping it is about the MAC times 4 d_a d_b / ((d_a + d_b)**2 + (omega_a - omega_b)**2) with the decay
@@ -490,7 +475,7 @@ def macxp(a: ArrayLike, pole_a: ArrayLike, b: ArrayLike, pole_b: ArrayLike) -> N
     return (same + mirrored) ** 2 / np.outer(norm_1, norm_2)
 
 
-def cross_orthogonality(a: ArrayLike, b: ArrayLike, mass: ArrayLike) -> NDArray[np.float64]:
+def cross_orthogonality(a: ArrayLike, b: ArrayLike, mass: ArrayLike) -> Reals:
     """Return abs(a' M b) of vectors brought to unit mass, (n_a, n_b): 1 for the same mode, 0 for different ones.
 
     ``cross_orthogonality(a, a, mass)`` is the orthogonality check of one set.
@@ -549,7 +534,7 @@ def shape_classes(modes: Modes) -> tuple[str, ...]:
 
 def solve_by_class(
     system: ReducedSystem, grid: Observation | Observed, wanted: tuple[str, ...], *, G_f: float, n_mode: int = 22
-) -> tuple[Modes, NDArray[np.int64]]:
+) -> tuple[Modes, Integers]:
     """Elastic modes of the model and the column of the lowest mode of each wanted class; -1 where there is none."""
     modes = solve_modes(system, G_f=G_f, d_f=0.0, n_mode=n_mode, observation=grid).elastic()
     names = shape_classes(modes)
@@ -560,6 +545,6 @@ def _order(family: str, order: int) -> str:
     return f"{family} {order}" if order > 0 else "other"
 
 
-def _n_sign_change(values: NDArray[np.float64]) -> int:
+def _n_sign_change(values: Reals) -> int:
     sign = np.sign(values[np.abs(values) > 1e-3 * np.max(np.abs(values))])
     return int(np.count_nonzero(np.diff(sign)))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.modal.mac import frac
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, synthesize_runs
+from lamella_arrays import Complexes, Reals
 from model import Stack
 from updating.correlation.localization import ErrorMap, Regions, stiffness_index
 
@@ -63,13 +63,7 @@ def error_map_picture(error_map: ErrorMap, stack: Stack, kind: str, *, size: tup
 
 
 def region_picture(
-    value: NDArray[np.float64],
-    where: Regions,
-    stack: Stack,
-    *,
-    title: str,
-    label: str,
-    size: tuple[int, int] = (1200, 460),
+    value: Reals, where: Regions, stack: Stack, *, title: str, label: str, size: tuple[int, int] = (1200, 460)
 ) -> bytes:
     """Return the picture of `region_plotter` as a PNG file's bytes."""
     from io import BytesIO
@@ -87,13 +81,7 @@ def region_picture(
 
 
 def region_plotter(
-    value: NDArray[np.float64],
-    where: Regions,
-    stack: Stack,
-    *,
-    title: str,
-    label: str,
-    size: tuple[int, int] = (1200, 460),
+    value: Reals, where: Regions, stack: Stack, *, title: str, label: str, size: tuple[int, int] = (1200, 460)
 ) -> pyvista.Plotter:
     """Draw a quantity of every region on the stack, seen from two opposite corners, clamps as rods.
 
@@ -156,12 +144,7 @@ def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
 
 
 def overlay_figure(
-    frf: FRF,
-    measured: ModalModel,
-    model: NDArray[np.complex128] | None = None,
-    *,
-    found: bool = False,
-    beside: bool = False,
+    frf: FRF, measured: ModalModel, model: Complexes | None = None, *, found: bool = False, beside: bool = False
 ) -> Figure:
     """Draw functions with the synthesised ones over them, their difference, their phase and their coherence.
 
@@ -230,7 +213,7 @@ def overlay_figure(
     return figure
 
 
-def synthesized(frf: FRF, measured: ModalModel) -> tuple[FRF, NDArray[np.complex128]]:
+def synthesized(frf: FRF, measured: ModalModel) -> tuple[FRF, Complexes]:
     """Return the functions within the identified band and those that the modes stand for there."""
     lines = within_band(frf, measured)
     return lines, synthesize_runs(measured, lines.frequency, lines.quantity, lines.run)
@@ -241,7 +224,7 @@ def within_band(frf: FRF, measured: ModalModel) -> FRF:
     return frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
 
 
-def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], output: int) -> None:
+def _draw_magnitude(axes: Axes, lines: FRF, fitted: Complexes, output: int) -> None:
     value, model = lines.value[output, 0], fitted[output, 0]
     axes.semilogy(
         lines.frequency, np.abs(value - model), color=palette.LEFT, linewidth=0.5, alpha=0.6, label="difference"
@@ -251,9 +234,7 @@ def _draw_magnitude(axes: Axes, lines: FRF, fitted: NDArray[np.complex128], outp
     axes.set_ylabel(UNIT[lines.quantity])
 
 
-def _draw_model(
-    magnitude: Axes, phase: Axes, frequency: NDArray[np.float64], model: NDArray[np.complex128], *, found: bool
-) -> None:
+def _draw_model(magnitude: Axes, phase: Axes, frequency: Reals, model: Complexes, *, found: bool) -> None:
     sparse = 16
     gaps = (0, (1.5, 3.5))  # through which the other curves are seen
     color, name = (palette.FOUND, "with what was identified") if found else (palette.BASE, "fitted model")
@@ -261,5 +242,5 @@ def _draw_model(
     phase.plot(frequency[::sparse], _degrees(model[::sparse]), ".", color=color, markersize=1.5)
 
 
-def _degrees(value: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _degrees(value: Complexes) -> Reals:
     return np.asarray(np.degrees(np.angle(value)))

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ema.types.frf import Geometry
-from lamella_shared import arrays
+from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
 from model import Modes, Observation, Stack, sample_points
 from updating.errors import PairingError
 
@@ -28,16 +28,11 @@ class Registration:
     """
 
     observation: Observation
-    distance: NDArray[np.float64]
+    distance: Reals
 
 
 def register(
-    stack: Stack,
-    geometry: Geometry,
-    node: NDArray[np.int64],
-    direction: NDArray[np.float64],
-    *,
-    tolerance: float = 0.01,
+    stack: Stack, geometry: Geometry, node: Integers, direction: Reals, *, tolerance: float = 0.01
 ) -> Registration:
     """Place measured DOFs on the stack.
 
@@ -82,7 +77,7 @@ def register(
     return Registration(observation=Observation(node=node, location=sampled, direction=direction), distance=distance)
 
 
-def _span(node: NDArray[np.int64]) -> str:
+def _span(node: Integers) -> str:
     return "none" if node.size == 0 else f"{node.min()} to {node.max()}"
 
 
@@ -107,10 +102,10 @@ class Expansion:
         which measurement errors grow in the amplitudes.
     """
 
-    amplitude: NDArray[np.complex128]
-    amplitude_std: NDArray[np.float64]
-    coordinate: NDArray[np.complex128]
-    matched: NDArray[np.float64]
+    amplitude: Complexes
+    amplitude_std: Reals
+    coordinate: Complexes
+    matched: Reals
     condition: float
 
 
@@ -154,7 +149,7 @@ def expand(shape: ArrayLike, shape_std: ArrayLike, modes: Modes) -> Expansion:
     )
 
 
-def pseudo_orthogonality(measured: ArrayLike, model: ArrayLike) -> tuple[NDArray[np.float64], float]:
+def pseudo_orthogonality(measured: ArrayLike, model: ArrayLike) -> tuple[Reals, float]:
     """Cross-orthogonality of measured shapes with the model's modes in the SEREP-reduced mass.
 
     Parameters
@@ -178,14 +173,14 @@ def pseudo_orthogonality(measured: ArrayLike, model: ArrayLike) -> tuple[NDArray
     return (amplitude / np.linalg.norm(amplitude, axis=0)).T, condition
 
 
-def visible(shape: ArrayLike) -> NDArray[np.bool_]:
+def visible(shape: ArrayLike) -> Booleans:
     """Tell which modes move the measured DOFs, (n_mode,): some do not, such as in-plane ones seen from above."""
     invisible = 1e-4  # of the largest motion at the measured DOFs: below it a mode is not seen there
     length = np.linalg.norm(np.asarray(shape), axis=0)
     return np.asarray(length > invisible * length.max(initial=0.0))
 
 
-def _pseudo_inverse(shape: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _pseudo_inverse(shape: Reals) -> tuple[Reals, float]:
     """Return the pseudo-inverse of the visible shapes, 0 for others, and the condition of their directions."""
     singular = 1e6  # condition number from which rounding and the model's own error rule the amplitudes
     seen = visible(shape)

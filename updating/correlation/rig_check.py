@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from ema.modal.configurations import factor_text
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Integers, Reals
 from model import Modes, Observation, ReducedSystem, Stack, observe, sample_points, solve_modes
 from updating.correlation.pairing import N_MODE
 from updating.correlation.registration import register
 from updating.errors import PairingError
-
-Vector = NDArray[np.float64]
 
 _FEWEST_MODES = 4
 _DOUBTFUL, _BETTER = 0.15, 0.25
@@ -221,7 +220,7 @@ def upright(checked: RigCheck) -> RigCheck:
     return checked
 
 
-def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
+def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Reals:
     """Return the factor on each component that makes the shapes the model's: one but for a sensor that is wrong."""
     # Factors that are tried on a sensor, and 1 among them; shapes are right within a quarter
     gains = np.geomspace(1.0 / 40.0, 40.0, 19)
@@ -249,7 +248,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Vector:
     return _refined(measured, tried[best], modes, n_dof)
 
 
-def _refined(measured: ModalModel, gain: Vector, modes: Sequence[Modes], n_dof: int) -> Vector:
+def _refined(measured: ModalModel, gain: Reals, modes: Sequence[Modes], n_dof: int) -> Reals:
     """Return the factor of one sensor that fits the paired modes best, from one of those tried."""
     nearest, (row, column) = _nearest(measured, gain, modes, n_dof)
     wrong = gain != 1.0
@@ -262,7 +261,7 @@ def _refined(measured: ModalModel, gain: Vector, modes: Sequence[Modes], n_dof: 
 
 
 def _nearest(
-    measured: ModalModel, gain: Vector, modes: Sequence[Modes], n_dof: int
+    measured: ModalModel, gain: Reals, modes: Sequence[Modes], n_dof: int
 ) -> tuple[Modes, tuple[NDArray[np.intp], NDArray[np.intp]]]:
     """Return the model's modes that are nearest over G_f, and which of them are which."""
     found = [_distance(measured, gain, one, n_dof) for one in modes]
@@ -270,7 +269,7 @@ def _nearest(
     return modes[best], found[best][1:]
 
 
-def _wrong(sensor: NDArray[np.int64], gain: Vector, force: ForcePlace | None) -> tuple[int, float]:
+def _wrong(sensor: Integers, gain: Reals, force: ForcePlace | None) -> tuple[int, float]:
     """Return the number, from 1, of the sensor that is wrong, and what it reads; 0 and 1 where none is.
 
     Of two sensors the force tells which: its sign and the mass of the stack are right only with one of them.
@@ -289,7 +288,7 @@ def _off(factor: float) -> tuple[bool, float]:
     return factor < 0.0, float(abs(np.log(abs(factor))))
 
 
-def _places(system: ReducedSystem, measured: ModalModel) -> Vector:
+def _places(system: ReducedSystem, measured: ModalModel) -> Reals:
     """Return places where the force may act, (n, 3) m, the stated one first; none where it is not listed."""
     stations = (41, 9)  # places along x and y where the force may be
     listed = np.flatnonzero(measured.geometry.node == measured.input.node[0])
@@ -305,7 +304,7 @@ def _places(system: ReducedSystem, measured: ModalModel) -> Vector:
 
 
 def _distance(
-    measured: ModalModel, gain: Vector, modes: Modes, n_dof: int
+    measured: ModalModel, gain: Reals, modes: Modes, n_dof: int
 ) -> tuple[float, NDArray[np.intp], NDArray[np.intp]]:
     """Return how far measured modes are from the model's in the mean, by shape and frequency, and which are which."""
     usual_distance = 0.2  # of the logarithm of a frequency
@@ -319,7 +318,7 @@ def _distance(
 
 
 def _force_place(
-    measured: ModalModel, gain: Vector, modes: Modes, pairs: tuple[NDArray[np.intp], NDArray[np.intp]], places: Vector
+    measured: ModalModel, gain: Reals, modes: Modes, pairs: tuple[NDArray[np.intp], NDArray[np.intp]], places: Reals
 ) -> ForcePlace | None:
     """Return where the force acts as the modal constants of paired modes have it; None where they do not tell.
 

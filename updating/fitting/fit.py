@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ema import Campaign, Configuration
 from ema.modal.mac import mac
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import ModalModel
-from lamella_shared import Shown, arrays
+from lamella_arrays import Complexes, Integers, Reals, arrays
+from lamella_shared import Shown
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.pairing import LEAST_MAC, N_MODE, Pairing, pair, require_points
 from updating.correlation.registration import register, visible
@@ -78,7 +79,7 @@ def frequency_error(f_exp: ArrayLike, f_num: ArrayLike) -> float:
     return float(np.mean(np.abs(f_exp - f_num) / f_exp))
 
 
-Prediction = tuple[NDArray[np.float64], NDArray[np.float64]]
+Prediction = tuple[Reals, Reals]
 """Model values (n,) and their derivatives with respect to the parameter (n,)."""
 
 G_F_BOUNDS = (100.0, 10_000.0)
@@ -129,7 +130,7 @@ class Estimate:
     upper: float
     at_bound: bool
     objective: float
-    history: NDArray[np.float64]
+    history: Reals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -154,7 +155,7 @@ class ModelFit(Shown):
     name: str
     modes: Modes
     pairing: Pairing
-    distance: NDArray[np.float64]
+    distance: Reals
     error: float
 
     @property
@@ -296,7 +297,7 @@ def _estimates(
     system: ReducedSystem,
     observed: Observed,
     measured: ModalModel,
-    used: NDArray[np.int64],
+    used: Integers,
     bounds: tuple[tuple[float, float], tuple[float, float]],
 ) -> tuple[Estimate, Estimate]:
     """Return G_f from the frequencies of the modes used, and d_f from their damping ratios."""
@@ -343,8 +344,8 @@ def kept_estimate(name: str, unit: str, value: float, objective: float) -> Estim
 
 def estimate_stiffness(
     predict: Callable[[float], Prediction],
-    target: NDArray[np.float64],
-    target_std: NDArray[np.float64],
+    target: Reals,
+    target_std: Reals,
     *,
     bounds: tuple[float, float],
     n_scan: int = 25,
@@ -373,10 +374,10 @@ def estimate_stiffness(
     objective = [opt_G(target, evaluate(g)[0]) for g in grid]
     start = float(grid[int(np.argmin(objective))])
 
-    def residual(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def residual(x: Reals) -> Reals:
         return evaluate(float(np.exp(x[0])))[0] - target
 
-    def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    def jacobian(x: Reals) -> Reals:
         value = float(np.exp(x[0]))
         return (predict(value)[1] * value)[:, None]
 
@@ -398,13 +399,7 @@ def estimate_stiffness(
     )
 
 
-def estimate_damping(
-    slope: NDArray[np.float64],
-    target: NDArray[np.float64],
-    target_std: NDArray[np.float64],
-    *,
-    bounds: tuple[float, float],
-) -> Estimate:
+def estimate_damping(slope: Reals, target: Reals, target_std: Reals, *, bounds: tuple[float, float]) -> Estimate:
     """Minimise opt_d, eq. (1), over d_f.
 
     Damping ratios are proportional to d_f (contact damping beta = d_f p, to first order in damping), so the
@@ -435,12 +430,7 @@ def estimate_damping(
     )
 
 
-def _standard_deviation(
-    gradient: NDArray[np.float64],
-    residual: NDArray[np.float64],
-    target_std: NDArray[np.float64],
-    form: NDArray[np.float64],
-) -> float:
+def _standard_deviation(gradient: Reals, residual: Reals, target_std: Reals, form: Reals) -> float:
     """Return the standard deviation of an unweighted least-squares estimate of one parameter.
 
     The residual's covariance is the measurement's plus the scatter beyond it that the model leaves unexplained, which
@@ -455,7 +445,7 @@ def _standard_deviation(
 
 def _modes_that_pair(
     system: ReducedSystem, observed: Observed, measured: ModalModel, threshold: float, bounds: tuple[float, float]
-) -> NDArray[np.int64]:
+) -> Integers:
     """Return the measured modes that pair where MAC values, those of subspaces for close modes, sum to most."""
     trials = [
         pair(measured, _elastic(system, observed, g, 0.0), threshold=threshold) for g in np.geomspace(*bounds, 13)
@@ -475,7 +465,7 @@ def _elastic(system: ReducedSystem, observed: Observed, G_f: float, d_f: float) 
     return solve_modes(system, G_f=G_f, d_f=d_f, n_mode=N_MODE, observation=observed).elastic()
 
 
-def _assign(shape: NDArray[np.complex128], modes: Modes) -> NDArray[np.int64]:
+def _assign(shape: Complexes, modes: Modes) -> Integers:
     """Return the model mode of each measured shape by the largest sum of MAC values, without a threshold."""
     likeness = np.where(visible(modes.shape), mac(shape, modes.shape), 0.0)
     return np.asarray(scipy.optimize.linear_sum_assignment(likeness, maximize=True)[1])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ema.plot import palette
 from ema.types.frf import Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
-from lamella_shared import arrays
+from lamella_arrays import Complexes, Integers, Reals, arrays
 from model import frf, solve_modes
 from updating.correlation.pairing import rotate_onto
 from updating.correlation.registration import register
@@ -29,9 +29,9 @@ def fitted_frf(
     *,
     output: Dofs,
     input: Dofs,  # noqa: A002  # the field's word for where the force acts
-    frequency: NDArray[np.float64],
+    frequency: Reals,
     quantity: Quantity,
-) -> NDArray[np.complex128]:
+) -> Complexes:
     """Synthesise the functions of a fitted model from its modes, with the static residual of those left out.
 
     Where the modes are those of an ever finer mesh, lines are taken where this mesh has them, so that resonances lie at
@@ -105,11 +105,11 @@ class ShapePair:
     measured_frequency: float
     model_frequency: float
     mac: float
-    node: NDArray[np.int64]
-    coordinate: NDArray[np.float64]
-    line: NDArray[np.int64]
-    measured: NDArray[np.complex128]
-    model: NDArray[np.float64]
+    node: Integers
+    coordinate: Reals
+    line: Integers
+    measured: Complexes
+    model: Reals
 
     @property
     def has_model(self) -> bool:
@@ -140,17 +140,13 @@ def any_pair(measured: ModalModel, fit: ModelFit, r: int, s: int) -> ShapePair:
     return _shape_pair(measured, r, float(fit.modes.frequency[s]), float(fit.pairing.mac[r, s]), fit.modes.shape[:, s])
 
 
-def beside_shape(measured: ModalModel, r: int, partner: tuple[float, float, NDArray[np.float64]]) -> ShapePair:
+def beside_shape(measured: ModalModel, r: int, partner: tuple[float, float, Reals]) -> ShapePair:
     """Return the measured shape `r` beside a partner (n_dof,), given with its frequency (Hz) and its MAC with it."""
     return _shape_pair(measured, r, *partner)
 
 
 def _shape_pair(
-    measured: ModalModel,
-    r: int,
-    frequency: float = np.nan,
-    likeness: float = np.nan,
-    partner: NDArray[np.float64] | None = None,
+    measured: ModalModel, r: int, frequency: float = np.nan, likeness: float = np.nan, partner: Reals | None = None
 ) -> ShapePair:
     """Return a measured shape beside a partner (n_dof,) of a frequency and a MAC with it, or alone."""
     dofs = Dofs(node=measured.node, direction=measured.direction)
@@ -168,7 +164,7 @@ def _shape_pair(
     return replace(pair, model_frequency=frequency, mac=likeness, model=model)
 
 
-def lone_shape(geometry: Geometry, dofs: Dofs, shape: NDArray[np.complex128], frequency: float) -> ShapePair:
+def lone_shape(geometry: Geometry, dofs: Dofs, shape: Complexes, frequency: float) -> ShapePair:
     """Return a measured shape (n_dof,) of a frequency (Hz) as displacements, without a model."""
     seen = np.isin(geometry.node, dofs.node)
     row = {int(n): i for i, n in enumerate(geometry.node[seen])}
@@ -188,19 +184,17 @@ def lone_shape(geometry: Geometry, dofs: Dofs, shape: NDArray[np.complex128], fr
     )
 
 
-def _most_real(shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _most_real(shape: Complexes) -> Complexes:
     """Turn a shape so that its real part is largest."""
     return shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
 
 
-def _largest(moved: NDArray[np.float64]) -> float:
+def _largest(moved: Reals) -> float:
     """Return the largest displacement of a point; 1 where none moves."""
     return float(np.max(np.linalg.norm(moved, axis=1), initial=0.0)) or 1.0
 
 
-def point_displacement(
-    geometry: Geometry, node: NDArray[np.int64], direction: NDArray[np.float64], value: NDArray[Any]
-) -> NDArray[np.complex128]:
+def point_displacement(geometry: Geometry, node: Integers, direction: Reals, value: NDArray[Any]) -> Complexes:
     """Return the displacement (n_node, 3) of all points of which some degrees of freedom move by `value` (n_dof,)."""
     displacement = np.zeros(geometry.coordinate.shape, dtype=complex)
     for k, point in enumerate(geometry.node):
@@ -228,7 +222,7 @@ def shape_pair_figure(pair: ShapePair, names: tuple[str, str] = ("measured", "mo
     return figure
 
 
-def _partners(measured: ModalModel, fit: ModelFit | None) -> dict[int, tuple[int, NDArray[np.float64]]]:
+def _partners(measured: ModalModel, fit: ModelFit | None) -> dict[int, tuple[int, Reals]]:
     """Return for each paired measured mode the model's mode and its shape, turned within its subspace."""
     if fit is None:
         return {}
@@ -260,7 +254,7 @@ def _draw(axes: Axes, pair: ShapePair, what: str) -> None:
     axes.axis("off")
 
 
-def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def project(points: Reals) -> Reals:
     """Project points (n, 3) without perspective, to the right and upwards."""
     x, y, z = points.T
     depth = y * np.cos(AZIMUTH) - x * np.sin(AZIMUTH)
@@ -268,7 +262,7 @@ def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([right, z * np.cos(ELEVATION) + depth * np.sin(ELEVATION)])
 
 
-def faces(line: NDArray[np.int64]) -> NDArray[np.int64]:
+def faces(line: Integers) -> Integers:
     """Return triangles (n, 3) that fill what three or four trace lines enclose, in rows of points.
 
     A ring of four with a line across is filled as the two rings of three that it consists of.

@@ -10,9 +10,9 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.types.arrays import single_threaded
+from lamella_arrays import Booleans
 from model import Effect, catalogue
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.candidates import CandidateModel, candidate_model
@@ -35,8 +35,6 @@ from updating.pooled.search import begin, fit_terms
 from updating.pooled.specimen import Group, Specimen
 from updating.pooled.specimens_model import SpecimensModel
 from updating.results.ledger import Entry
-
-Vector = NDArray[np.float64]
 
 
 @single_threaded
@@ -114,7 +112,7 @@ class FitRequest:
     names: tuple[str, ...]
     effects: dict[str, Effect]
     settings: FitSettings
-    kept: tuple[NDArray[np.bool_], ...]
+    kept: tuple[Booleans, ...]
 
     @property
     def combinations(self) -> list[tuple[str, ...]]:

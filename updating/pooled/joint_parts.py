@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
 from ema.modal.mac import mac
+from lamella_arrays import Booleans, Reals
 from updating.diagnosis.answer import Moved, Pulled, Sizes
 from updating.diagnosis.evidence import D_F_START
 from updating.diagnosis.explained_model import ConfigurationFit, FittedParameter, JointFit
@@ -30,7 +30,6 @@ from updating.results.ledger import Entry
 from updating.results.pooled import ContactState, Contrast, ModeAnswer
 from updating.results.text import Z95
 
-Vector = NDArray[np.float64]
 UNITS = {"G_f": "Pa/Pa", "d_f": "s/Pa"}
 """Contact parameters, and their units."""
 
@@ -62,7 +61,7 @@ class Fitted:
     whole: StackModel | SpecimensModel | None
     fit: Explanation
     common: Setting
-    kept: tuple[NDArray[np.bool_], ...]
+    kept: tuple[Booleans, ...]
     paired: bool
     classed: tuple[bool, ...] = ()
 
@@ -112,7 +111,7 @@ def joint_answer(fitted: Fitted, labels: Sequence[str], entry: Entry, settings: 
 
 def parameters_of(
     fitted: Fitted, labels: Sequence[str], settings: FitSettings
-) -> tuple[tuple[FittedParameter, ...], Vector]:
+) -> tuple[tuple[FittedParameter, ...], Reals]:
     """Return the parameters of a fit, and their covariance, (n_parameter, n_parameter); see `joint_answer`."""
     fit = fitted.fit
     quantities = [*_contact(fitted, labels, settings), *_ratios(fitted, settings), *_effects(fitted)]
@@ -132,7 +131,7 @@ class _Quantity:
     at: tuple[int, ...]
     of: Callable[[float], tuple[float, float]]
 
-    def row(self, fit: Explanation) -> Vector:
+    def row(self, fit: Explanation) -> Reals:
         """Return the derivatives by the coordinates, (n_coordinate,)."""
         derivative = np.zeros(fit.x.size)
         derivative[list(self.at)] = self.of(float(fit.x[list(self.at)].sum()))[1]
@@ -238,7 +237,7 @@ def _effects(fitted: Fitted) -> list[_Quantity]:
     return quantities
 
 
-def _covariance(fit: Explanation) -> Vector:
+def _covariance(fit: Explanation) -> Reals:
     """Return the covariance of the coordinates, (n_coordinate, n_coordinate).
 
     Correlations are those at the likeliest size of the discrepancy, standard deviations those over all its sizes.
@@ -326,18 +325,18 @@ def _left_out(fitted: Fitted) -> LeftOut:
 
 
 def _beside(
-    model: StackModel | SpecimensModel, coordinates: Sequence[Coordinate], x: Vector
+    model: StackModel | SpecimensModel, coordinates: Sequence[Coordinate], x: Reals
 ) -> tuple[LocalModel, tuple[Errors, ...]]:
     """Return the model near coordinates, and the errors of all configurations there."""
     local = model.about(coordinates, [x])
     return local, errors_at(model, local, setting(model, local, x, shares=(1.0, 0.0, 0.0)), x)
 
 
-def _frequency_errors(errors: Errors, *, paired: bool) -> Vector:
+def _frequency_errors(errors: Errors, *, paired: bool) -> Reals:
     return errors.paired if paired else errors.frequency
 
 
-def _measured_damping(model: StackModel | SpecimensModel, c: int) -> Vector:
+def _measured_damping(model: StackModel | SpecimensModel, c: int) -> Reals:
     """Return the damping ratios of a configuration; NaN of those that were not measured."""
     if isinstance(model, SpecimensModel):
         _, g, here = model.indices[c]

@@ -13,16 +13,14 @@ from functools import partial
 
 import numpy as np
 import scipy.linalg as la
-from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from updating.diagnosis.fit_settings import CONTACT
 from updating.inference.discrepancy import Sizes
 from updating.inference.explain import Explanation, Setting, coordinates_of, errors_at
 from updating.inference.protocol import Coordinate, Term
 from updating.inference.tree import Passing, TreeProblem
 from updating.pooled.specimens_model import SpecimensModel, SpecimensNear
-
-Vector = NDArray[np.float64]
 
 _ROUNDING = 1e-10  # of a diagonal
 
@@ -145,7 +143,7 @@ def _turn(
 
 
 def _after_step(
-    here: Mapping[str, float], names: Sequence[str], step: Callable[[], Vector], of_term: Mapping[str, float]
+    here: Mapping[str, float], names: Sequence[str], step: Callable[[], Reals], of_term: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the coordinates of a fit after a step, and those of a term."""
     return {n: here[n] + float(d) for n, d in zip(names, step(), strict=True)} | dict(of_term)
@@ -182,7 +180,7 @@ class Bordered:
 
     level: float
 
-    def __init__(self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, x: Vector, precision: Vector) -> None:
+    def __init__(self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, x: Reals, precision: Reals) -> None:
         self.n, n_all = x.size, problem.n_coordinate
         passing = Passing(problem, sizes.stiffness)
         share = problem.tree.shares[0]
@@ -226,7 +224,7 @@ class Bordered:
         self.level = problem.log_map - 0.5 * (misfit - float(self.base @ self.base))
         self.level -= float(np.sum(np.log(np.diag(self.root) / self.unit))) + 0.5 * self.log
 
-    def _damped(self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, inner: Vector, slope: Vector) -> None:
+    def _damped(self, model: SpecimensModel, problem: TreeProblem, sizes: Sizes, inner: Reals, slope: Reals) -> None:
         """Add what damping ratios say, which are correlated across specimens."""
         n_all, n_specimen = problem.n_coordinate, len(model.specimens)
         self.loss = np.zeros((n_specimen, problem.damping.size, n_all))
@@ -246,19 +244,19 @@ class Bordered:
             self.cross[s, : self.n] += base.T @ self.loss[s]
             self.pull[s] += self.loss[s].T @ value
 
-    def _solve(self, right: Vector) -> Vector:
+    def _solve(self, right: Reals) -> Reals:
         """Return the root's inverse times something, scaled."""
         return np.asarray(la.solve_triangular(self.root, (self.unit * right.T).T, lower=True, check_finite=False))
 
-    def step(self, right: Vector | None = None) -> Vector:
+    def step(self, right: Reals | None = None) -> Reals:
         """Return the step of the fit's coordinates, (n_base,), against a slope, by default that of the fit."""
         white = self.base if right is None else self._solve(right)
         back = la.solve_triangular(self.root, white, lower=True, trans="T")
         return np.asarray(-(self.unit * back)[: self.n])
 
     def added(
-        self, members: Sequence[int], columns: Sequence[int], coordinates: Sequence[Coordinate], start: Vector
-    ) -> tuple[float, Vector, Callable[[], Vector], float]:
+        self, members: Sequence[int], columns: Sequence[int], coordinates: Sequence[Coordinate], start: Reals
+    ) -> tuple[float, Reals, Callable[[], Reals], float]:
         """Return what coordinates of some specimens add to the logarithm of the evidence, and where a step leads.
 
         Parameters
@@ -325,7 +323,7 @@ class Bordered:
         slope[: self.n] += change * self.x
         return self._log(inner, slope, precision) - before
 
-    def _log(self, inner: Vector, slope: Vector, precision: Vector) -> float:
+    def _log(self, inner: Reals, slope: Reals, precision: Reals) -> float:
         root = la.cholesky(self.unit[:, None] * inner * self.unit + _ROUNDING * np.eye(len(inner)), lower=True)
         white = la.solve_triangular(root, self.unit * slope, lower=True)
         known = precision > 0.0
@@ -333,7 +331,7 @@ class Bordered:
         return 0.5 * float(np.sum(np.log(precision[known]))) - 0.5 * least - float(np.sum(np.log(np.diag(root))))
 
 
-def _curvatures(problem: TreeProblem, model: SpecimensModel, sizes: Sizes) -> list[tuple[Vector, Vector]]:
+def _curvatures(problem: TreeProblem, model: SpecimensModel, sizes: Sizes) -> list[tuple[Reals, Reals]]:
     """Return for each specimen the curvature of errors of shapes, and what the gradient has beside that of errors.
 
     See `updating.inference.gradient`.

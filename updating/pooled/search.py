@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from updating.errors import FitError
 from updating.inference.descent import begun
 from updating.inference.discrepancy import DAMPING, SPREAD, STIFFNESS, SizePrior
@@ -23,7 +23,6 @@ from updating.pooled.screening import screen
 from updating.pooled.specimens_model import SCATTER, SpecimensModel
 
 _LOG = logging.getLogger(__name__)
-Vector = NDArray[np.float64]
 
 TREE_SHARES = (0.6, 0.2, 0.2)
 """Shares of the discrepancy common to all specimens, common to all states of a specimen, and of each state alone: what
@@ -55,7 +54,7 @@ class BaseFit:
     model: SpecimensModel
     common: Setting
     base: Explanation
-    start: Vector
+    start: Reals
 
 
 def begin(model: SpecimensModel, priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)) -> BaseFit:
@@ -90,7 +89,7 @@ def searched(base_fit: BaseFit) -> PooledSearch:
     models, reach = [base_fit.model], dict[str, float]()
 
     def extend(
-        model: SpecimensModel, common: Setting, at: Explanation, starts: Sequence[Vector] = ()
+        model: SpecimensModel, common: Setting, at: Explanation, starts: Sequence[Reals] = ()
     ) -> list[Explanation]:
         ahead, seen = outlooks(model, common, at, starts)
         if not at.terms:
@@ -145,7 +144,7 @@ def fit_terms(base_fit: BaseFit, names: Sequence[str]) -> PooledSearch:
     )
 
 
-def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[Vector, Setting]:
+def _start(model: SpecimensModel, priors: tuple[SizePrior, SizePrior]) -> tuple[Reals, Setting]:
     """Return the coordinates of the base model from which its fit starts, and what fits share there."""
     ladder = np.linspace(-1.2, 1.2, 9)  # of ln G_f, on which each specimen starts
     names = [c.name for c in model.nuisances]
@@ -218,7 +217,7 @@ def shares_of(fit: Explanation) -> tuple[float, ...]:
     known = np.diag(np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12) + problem.curvature
     usual = np.log(np.array(TREE_SHARES))
 
-    def log(z: Vector) -> float:
+    def log(z: Reals) -> float:
         """Return the logarithm of the evidence at logarithms of the variances of the levels."""
         variance = np.exp(z)
         tree = Tree(paths=problem.tree.paths, shares=tuple((variance / variance.sum()).tolist()))
@@ -243,11 +242,11 @@ def outlooks(
     model: SpecimensModel,
     common: Setting,
     at: Explanation,
-    starts: Sequence[Vector] = (),
+    starts: Sequence[Reals] = (),
     *,
     only: str | None = None,
     n_evaluated: int = 10,
-) -> tuple[dict[str, tuple[float, Vector]], dict[str, float]]:
+) -> tuple[dict[str, tuple[float, Reals]], dict[str, float]]:
     """Return what further terms are expected to reach beside a fit, and where from, and what terms reach in the data.
 
     Linear steps from all origins rank the terms. For strong effects the gain of such a step is inaccurate, so the
@@ -269,7 +268,7 @@ def outlooks(
     dict of str to float
         Standard deviations by which data change at the farthest end of a term's range.
     """
-    expected, reach = dict[str, tuple[float, Vector]](), dict[str, float]()
+    expected, reach = dict[str, tuple[float, Reals]](), dict[str, float]()
     present = [model.terms[n] for n in at.terms]
     now = _now(model, common, at)
     for origin in _origins(model, common, at, starts):
@@ -301,7 +300,7 @@ def _after_step(
     now: float,
     *,
     shares: Sequence[float] = (1.0, 0.5, 0.2),
-) -> tuple[float, Vector] | None:
+) -> tuple[float, Reals] | None:
     """Return what a linear step is expected to lead to, and where; of a step that leads too far, a share of it.
 
     Parameters
@@ -321,7 +320,7 @@ def _after_step(
     have = {c.name: float(x) for c, x in zip(at.coordinates, at.x, strict=True)}
     here, there = (np.array([of.get(c.name, 0.0) for c in coordinates]) for of in (have, led))
     ends = [np.array([getattr(c, end) for c in coordinates]) for end in ("lower", "upper")]
-    best: tuple[float, Vector] | None = None
+    best: tuple[float, Reals] | None = None
     for share in shares:
         x = np.clip(here + share * (there - here), *ends)
         try:
@@ -341,7 +340,7 @@ def extended(
     model: SpecimensModel,
     common: Setting,
     at: Explanation,
-    ahead: Mapping[str, tuple[float, Vector]],
+    ahead: Mapping[str, tuple[float, Reals]],
     *,
     fits: int = 6,
     promising: float = 0.5,
@@ -385,7 +384,7 @@ def extended(
 
 
 def _origins(
-    model: SpecimensModel, common: Setting, at: Explanation, starts: Sequence[Vector]
+    model: SpecimensModel, common: Setting, at: Explanation, starts: Sequence[Reals]
 ) -> list[dict[str, float]]:
     """Return from where linear steps are taken: the fit, and where nothing is pulled by what is missing."""
     have = {c.name: float(x) for c, x in zip(at.coordinates, at.x, strict=True)}

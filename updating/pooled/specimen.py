@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.modal.read_modes import DAMPING_STD, FREQUENCY_STD, SHAPE_STD, UNSTATED_DAMPING
 from ema.types.frf import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Complexes, Integers, Reals
 from model import Effect, ReducedSystem, Stack, observe, reduce
 from updating.correlation.pairing import CLASS_ROWS, CLASS_STATIONS, class_grid, require_points, solve_by_class
 from updating.correlation.registration import register
@@ -268,8 +268,6 @@ def height_ratio(specimen: Specimen, model: StackModel) -> float:
     return float(np.log(specimen.stack.height / model.stack.height))
 
 
-Vector = NDArray[np.float64]
-
 _DIRECTION = ("x", "y", "z")
 
 
@@ -349,7 +347,7 @@ def modal_model(
     )
 
 
-def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Vector]:
+def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Reals]:
     """Return the classes of the modes of a table without shapes, and their frequencies, damping and deviations.
 
     Parameters
@@ -384,12 +382,12 @@ def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Vector]
 
 def assembled(
     name: str,
-    poles: Vector,
-    shapes: tuple[NDArray[np.complex128] | Vector, Vector],
+    poles: Reals,
+    shapes: tuple[Complexes | Reals, Reals],
     *,
     geometry: Geometry,
     dofs: Dofs,
-    sensor: NDArray[np.int64],
+    sensor: Integers,
     force: Dof,
 ) -> ModalModel:
     """Return modes as an identification gives them that has no functions.
@@ -456,7 +454,7 @@ def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -
     return {name: [cells[i] for i in kept] for name, cells in columns.items()} if keys else columns
 
 
-def _poles(path: Path, table: dict[str, list[str]]) -> Vector:
+def _poles(path: Path, table: dict[str, list[str]]) -> Reals:
     """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones if unstated."""
     unknown = 1e3  # the same of what was not measured
     frequency = _numbers(path, table, "frequency_Hz")
@@ -488,7 +486,7 @@ def _columns(path: Path) -> dict[str, list[str]]:
     return {name: [row[k] for row in rows] for k, name in enumerate(names)}
 
 
-def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
+def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Reals:
     if name not in columns:
         raise FitError(f"{path}: no column {name!r}; the file has {', '.join(columns) or 'no header'}")
     numbers = np.empty(len(columns[name]))
@@ -502,7 +500,7 @@ def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Vector:
     return numbers
 
 
-def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> NDArray[np.int64]:
+def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> Integers:
     largest_number = 1e10  # of a point or sensor, as in universal files
     numbers = _numbers(path, columns, name)
     odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > largest_number))
@@ -532,7 +530,7 @@ class Classes:
             self._known[key] = reduce(stack, G_f_range=G_F_RANGE, n_snapshot=N_SNAPSHOT)
         return self._known[key]
 
-    def modes(self, name: str, stack: Stack, wanted: tuple[str, ...], poles: Vector) -> ModalModel:
+    def modes(self, name: str, stack: Stack, wanted: tuple[str, ...], poles: Reals) -> ModalModel:
         """Return modes that are named by class: the model's shapes of these classes stand for theirs.
 
         Parameters

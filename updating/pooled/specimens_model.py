@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lamella_arrays import Reals
 from model import Observation, observe
 from updating.diagnosis.evidence import LABELS, PRESSURE, STATED_PRESSURE, WINDOW
 from updating.diagnosis.fit_settings import CONTACT, FitSettings
@@ -217,8 +218,6 @@ def label_of(model: StackModel, effect: str) -> str:
     return model.effects[effect].label if effect in model.effects else {**LABELS, **CONTACT}[effect]
 
 
-Vector = NDArray[np.float64]
-
 HEIGHT = "height"
 
 
@@ -277,7 +276,7 @@ class SpecimensModel:
         self.parameter_coordinates = {c.name: c for n in self.first.effects for c in terms[n].coordinates}
         self._has = [{c.name for c in group.model.nuisances} | set(self.parameter_coordinates) for group in groups]
         self.heights = [height_ratio(specimens[s], groups[g].model) for s, g, _ in where]
-        self._rows: dict[int, Vector] = {}
+        self._rows: dict[int, Reals] = {}
 
     @property
     def first(self) -> StackModel:
@@ -314,7 +313,7 @@ class SpecimensModel:
         """Return the coordinates of one stack that the model of a group has."""
         return [c for c in local if c.name in self._has[g]]
 
-    def values(self, at: Mapping[str, float], s: int, local: Sequence[Coordinate]) -> Vector:
+    def values(self, at: Mapping[str, float], s: int, local: Sequence[Coordinate]) -> Reals:
         """Return the coordinates of the model of one stack for a specimen: what the scopes give it, summed.
 
         Parameters
@@ -336,13 +335,13 @@ class SpecimensModel:
             values[index[HEIGHT]] += self.heights[s]
         return values
 
-    def about(self, coordinates: Sequence[Coordinate], points: Sequence[Vector]) -> SpecimensNear:
+    def about(self, coordinates: Sequence[Coordinate], points: Sequence[Reals]) -> SpecimensNear:
         """Return the model near some points of the coordinates."""
         wide = 0.3  # of ln G_f from specimen to specimen, from which a basis is made at the ends, too
         local, names = self.local_of(coordinates), [c.name for c in coordinates]
         nears = []
         for g, group in enumerate(self.groups):
-            of_group, where = self.in_group(g, local), list[Vector]()
+            of_group, where = self.in_group(g, local), list[Reals]()
             for x in points:
                 at = dict(zip(names, x.tolist(), strict=True))
                 values = np.array([self.values(at, s, of_group) for s in group.members])
@@ -353,7 +352,7 @@ class SpecimensModel:
             nears.append(group.model.about(of_group, where))
         return SpecimensNear(self, coordinates, [self.in_group(g, local) for g in range(len(nears))], nears)
 
-    def rows_of(self, g: int) -> Vector:
+    def rows_of(self, g: int) -> Reals:
         """Return displacements at the same points of each stack's box, (n, n_basis): where modes are compared."""
         grid = (9, 4, 5)  # points of a stack's box at which modes of different stacks are compared
         if g not in self._rows:
@@ -418,11 +417,11 @@ class SpecimensNear:
             self._touched[state] = np.array(touched, dtype=np.intp), of
         return self._touched[state]
 
-    def screen(self, x: Vector, state: int) -> None:  # noqa: ARG002  # as the protocol has it
+    def screen(self, x: Reals, state: int) -> None:  # noqa: ARG002  # as the protocol has it
         """Return nothing: `updating.pooled.screening` looks at all states and levels together."""
         return
 
-    def _n_equation(self, x: Vector) -> int:
+    def _n_equation(self, x: Reals) -> int:
         """Return how many equations are looked at in all states: a clamp that rides in one stack adds to all."""
         if self._last[0] != x.tobytes():
             at = dict(zip(self.names, x.tolist(), strict=True))
@@ -433,7 +432,7 @@ class SpecimensNear:
             self._last = x.tobytes(), max(each)
         return self._last[1]
 
-    def modal(self, x: Vector, state: int) -> Modal:
+    def modal(self, x: Reals, state: int) -> Modal:
         """Return the model of a state at coordinates."""
         s, g, c = self.whole.indices[state]
         touched, of = self.touched(state)

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.plot import palette
 from ema.types.modal_model import frequency_text
+from lamella_arrays import Reals
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError, Telling, telling
 from updating.report.part import Chart, Picture, Section, axis, charted, single
@@ -222,7 +222,7 @@ def kind_table(what_changed: WhatChanged) -> Table:
     )
 
 
-def _place(kind: KindOfChange, axis_: int, apart: NDArray[np.float64]) -> str:
+def _place(kind: KindOfChange, axis_: int, apart: Reals) -> str:
     if not kind.local:
         return kind.part or "all over"
     return f"{1e3 * kind.place[axis_]:.0f} ± {1e3 * np.hypot(kind.place_std[axis_], apart[axis_]):.0f}"

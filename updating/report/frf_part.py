@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.identification.doubtful_modes import DroppedColumn, Stability, dropped_columns, stability
 from ema.identification.stabilization import StabilizationDiagram, stabilization
@@ -16,6 +15,7 @@ from ema.plot import palette
 from ema.plot.figures import UNIT, pole_groups, stabilization_figure
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Complexes, Reals
 from updating.correlation.plots import chosen_functions, overlay_figure, synthesized, within_band
 from updating.fitting.fit import Fit
 from updating.report.part import Chart, Picture, Section, as_csv, axis, legend_above, png, single
@@ -44,9 +44,7 @@ _STYLE: dict[str, dict[str, Any]] = {
 """How curves are drawn; "of" says by which model of the page's switch a curve is shown."""
 
 
-def frf_chart(
-    measured: ModalModel, lines: FRF, curves: Mapping[str, NDArray[np.complex128]], order: Sequence[int]
-) -> str:
+def frf_chart(measured: ModalModel, lines: FRF, curves: Mapping[str, Complexes], order: Sequence[int]) -> str:
     """Return all functions at the first input as the JSON that `charts.js` shows one of.
 
     Parameters
@@ -112,17 +110,17 @@ def _layout(measured: ModalModel, lines: FRF) -> dict[str, Any]:
     return layout
 
 
-def _size(value: NDArray[np.complex128]) -> dict[str, Any]:
+def _size(value: Complexes) -> dict[str, Any]:
     """Pack magnitudes: their decimal logarithms in thousandths, a quarter of a percent."""
     size = np.abs(value)
     return _steps(np.log10(np.maximum(size, 1e-6 * size.max(initial=1e-30))), 1e-3, "i2")
 
 
-def _phase(value: NDArray[np.complex128]) -> dict[str, Any]:
+def _phase(value: Complexes) -> dict[str, Any]:
     return _steps(np.degrees(np.angle(value)), 0.1, "i2")
 
 
-def _steps(value: NDArray[np.float64], step: float, dtype: str) -> dict[str, Any]:
+def _steps(value: Reals, step: float, dtype: str) -> dict[str, Any]:
     """Pack numbers as multiples of a step, in little-endian integers."""
     whole = np.round(value / step).astype(f"<{dtype}")
     return {"dtype": dtype, "step": step, "bdata": base64.b64encode(whole.tobytes()).decode()}
@@ -264,7 +262,7 @@ def _frac_text(frac: Mapping[str, float]) -> tuple[str, ...]:
     )
 
 
-def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.complex128]]) -> Picture:
+def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, Complexes]) -> Picture:
     """Draw the functions that the identified modes meet worst, in the middle and best; the chart shows any of them.
 
     `models` holds the functions of each model within the band, see `model_functions`.
@@ -292,23 +290,21 @@ def frf_picture(tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.comple
     )
 
 
-def frf_figure(
-    tested: Tested, frf: FRF, models: Mapping[str, NDArray[np.complex128]], *, beside: bool = False
-) -> Figure:
+def frf_figure(tested: Tested, frf: FRF, models: Mapping[str, Complexes], *, beside: bool = False) -> Figure:
     """Draw the chosen functions with those of the model with what was identified, else of the base model."""
     shown = models.get(FOUND, models.get(BASE))
     drawn = None if shown is None else shown[list(chosen_functions(tested.measured))]
     return overlay_figure(frf, tested.measured, drawn, found=FOUND in models, beside=beside)
 
 
-def model_functions(tested: Tested, lines: FRF) -> dict[str, NDArray[np.complex128]]:
+def model_functions(tested: Tested, lines: FRF) -> dict[str, Complexes]:
     """Return functions of the base and of the identified model, (n_output, n_frequency), as they are."""
     fits = {BASE: tested.fit, FOUND: None if tested.identified is None else tested.identified.fit}
     values = {name: modelled(tested, fit, lines) for name, fit in fits.items() if isinstance(fit, Fit)}
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _numbers(lines: FRF, curves: Mapping[str, NDArray[np.complex128]], chosen: Sequence[int]) -> str:
+def _numbers(lines: FRF, curves: Mapping[str, Complexes], chosen: Sequence[int]) -> str:
     """Write the functions that a print shows as CSV."""
     columns, names = [lines.frequency], ["frequency [Hz]"]
     for o in chosen:

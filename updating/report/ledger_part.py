@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.plot import palette
+from lamella_arrays import Reals
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.fitting.fit import Estimate
@@ -234,7 +234,7 @@ def parameter_chart(fitted: Sequence[Tested]) -> Chart:
     return Chart(traces=traces, layout=layout)
 
 
-def abscissa(fitted: Sequence[Tested]) -> tuple[NDArray[np.float64], str]:
+def abscissa(fitted: Sequence[Tested]) -> tuple[Reals, str]:
     """Return what to draw over: torque or pressure where all state it and it varies, else the number."""
     for name, label, factor in (("torque", "torque [N m]", 1.0), ("pressure", "pressure [kPa]", 1e-3)):
         stated = [getattr(t, name) for t in fitted]

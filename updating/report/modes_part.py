@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.modal.mac import LEAST_MPC, complexity, mac
 from ema.plot import palette
 from ema.quality.verdict import NOTES, label, meaning
 from ema.types.modal_model import frequency_text
+from lamella_arrays import Reals
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import AZIMUTH, ELEVATION, SWELL, ShapePair, faces, shape_pair_figure, shape_pairs
@@ -248,13 +248,7 @@ def pairs_picture(tested: Tested, fit: ModelFit) -> Picture:
 
 
 def mac_picture(
-    name: str,
-    value: NDArray[np.float64],
-    frequency: tuple[NDArray[np.float64], NDArray[np.float64]],
-    whose: tuple[str, str],
-    *,
-    alt: str,
-    caption: str,
+    name: str, value: Reals, frequency: tuple[Reals, Reals], whose: tuple[str, str], *, alt: str, caption: str
 ) -> Picture:
     """Draw a MAC matrix with the frequencies (Hz) of its rows and columns, and whose these are."""
     shades = 128  # of the scale of MAC
@@ -271,9 +265,7 @@ def mac_picture(
     )
 
 
-def mac_chart(
-    value: NDArray[np.float64], rows: NDArray[np.float64] | None, columns: NDArray[np.float64], across: str, down: str
-) -> Chart:
+def mac_chart(value: Reals, rows: Reals | None, columns: Reals, across: str, down: str) -> Chart:
     """Return a MAC matrix as a chart.
 
     `across` and `down` say whose frequencies its columns and rows are; rows whose frequencies are not given are
@@ -437,7 +429,7 @@ def shape_numbers(pair: ShapePair) -> dict[str, Any]:
     }
 
 
-def _whole(displacement: NDArray[np.float64]) -> list[int]:
+def _whole(displacement: Reals) -> list[int]:
     digits = 1000  # displacements are drawn, so a thousandth of the largest is enough
     return [int(v) for v in np.round(digits * displacement.ravel())]
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.plot import palette
+from lamella_arrays import Reals
 from updating.results.text import Shown, Table
 
 if TYPE_CHECKING:
@@ -427,7 +428,7 @@ def _named(values: Sequence[Any]) -> list[object]:
     return list(values) if len(values) and isinstance(values[0], str) else []
 
 
-def _at(values: Sequence[Any], places: Mapping[object, int]) -> NDArray[np.float64]:
+def _at(values: Sequence[Any], places: Mapping[object, int]) -> Reals:
     return np.array([places[name] for name in _named(values)] if places else values, dtype=float)
 
 
@@ -471,7 +472,7 @@ def _draw_bars(axes: Axes, trace: Mapping[str, Any], places: Mapping[object, int
         axes.errorbar(at, value, trace["error_y"]["array"], fmt="none", ecolor=color, capsize=3, linewidth=1.0)
 
 
-def _draw_line(axes: Axes, trace: Mapping[str, Any], x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+def _draw_line(axes: Axes, trace: Mapping[str, Any], x: Reals, y: Reals) -> None:
     points = 0.75  # of a marker in print over its px on the screen
     mode, line, marker = trace.get("mode", "lines"), trace.get("line", {}), trace.get("marker", {})
     style: dict[str, Any] = {

@@ -10,13 +10,13 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign import Campaign, Configuration
 from ema.modal.change import Change
 from ema.modal.mac import frac
 from ema.types.frf import FRF, Dofs
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Complexes, Reals
 from model import catalogue, find_effects
 from updating.correlation.plots import within_band
 from updating.correlation.rig_check import RigCheck
@@ -530,12 +530,12 @@ def mean_frac(tested: Tested, model: Fit) -> float:
     return float("nan") if value is None else float(np.mean(fracs(lines, value)))
 
 
-def fracs(lines: FRF, value: NDArray[np.complex128]) -> NDArray[np.float64]:
+def fracs(lines: FRF, value: Complexes) -> Reals:
     """Return the FRAC of every function at the first input with that of a model, (n_output,)."""
     return np.array([float(frac(a, b)) for a, b in zip(lines.value[:, 0], value, strict=True)])
 
 
-def modelled(tested: Tested, model: Fit, lines: FRF) -> NDArray[np.complex128] | None:
+def modelled(tested: Tested, model: Fit, lines: FRF) -> Complexes | None:
     """Return a model's functions at the first input, (n_output, n_frequency) in the quantity of the lines.
 
     None where the points do not say where the force acted.

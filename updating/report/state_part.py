@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ema import Change, change_csv, change_sentence
 from ema.modal.change import KINDS, STATED_FREEDOM
 from ema.plot import palette
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
+from lamella_arrays import Complexes, Integers, Reals
 from model import catalogue
 from model.stack.effect import Family
 from updating.correlation.localization import ENERGY_KINDS, ErrorMap, map_error, regions, stiffness_index
@@ -81,7 +81,7 @@ def change_table(change: Change) -> Table:
     )  # fmt: skip
 
 
-def half_intervals(change: Change) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def half_intervals(change: Change) -> tuple[Reals, Reals]:
     """Return half of the 95 % intervals of the shifts of an unchanged structure, frequency and damping, (n_mode,)."""
     factor = -scipy.special.stdtrit(STATED_FREEDOM + change.freedom, 0.025)
     return factor * change.frequency_scatter, factor * change.damping_scatter
@@ -189,9 +189,6 @@ def _labels(change: Change) -> list[str]:
     ]
 
 
-Vector = NDArray[np.float64]
-
-
 def beside_section(tested: Tested, change: Change, reference: Tested) -> Section:
     """Show functions and shapes of a state over those of its reference.
 
@@ -232,7 +229,7 @@ def shapes_beside(tested: Tested, change: Change, reference: Tested) -> Gallery 
     return gallery_of(f"{tested.name}_beside", pairs, None, names=(tested.name, reference.name))
 
 
-def common_lines(tested: Tested, reference: Tested) -> tuple[FRF, NDArray[np.complex128]] | None:
+def common_lines(tested: Tested, reference: Tested) -> tuple[FRF, Complexes] | None:
     """Return the functions of a state within its band and the reference's there; None where lines differ."""
     if not (tested.has_functions and reference.has_functions):
         return None
@@ -266,7 +263,7 @@ def functions_picture(tested: Tested, reference: Tested) -> Picture | None:
     )
 
 
-def mean_chart(tested: Tested, reference: Tested, common: tuple[FRF, NDArray[np.complex128]]) -> Chart:
+def mean_chart(tested: Tested, reference: Tested, common: tuple[FRF, Complexes]) -> Chart:
     """Return the root mean square of all functions of both states, as `common_lines` has these, as a chart."""
     lines, before = common
     shown = ((tested.name, lines.value[:, 0], palette.MEASURED), (reference.name, before, palette.BASE))
@@ -431,15 +428,13 @@ def map_chart(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> Chart:
     return Chart(traces=traces, layout={"scene": scene, "margin": {"l": 0, "r": 0, "t": 0, "b": 0}})
 
 
-def _surface(
-    x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+def _surface(x: Reals, y: Reals, z: Reals) -> tuple[Reals, Integers, Integers]:
     """Return the outside of a block of boxes: corners (n, 3), triangles (m, 3), and the box of each triangle (m,)."""
     edges = (x, y, z)
     shape = tuple(e.size - 1 for e in edges)
     box = np.arange(np.prod(shape)).reshape(shape)
-    corners: list[NDArray[np.float64]] = []
-    boxes: list[NDArray[np.int64]] = []
+    corners: list[Reals] = []
+    boxes: list[Integers] = []
     for a in range(3):
         b, c = (k for k in range(3) if k != a)
         for side in (0, -1):

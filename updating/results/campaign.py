@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema import Campaign, Change, change, change_csv, compare, content_digests, contradicted, shared_functions
 from ema.campaign.campaign_file import repeats_of
@@ -20,6 +19,7 @@ from ema.identification.amplitude import (
 from ema.quality.linearity import NOT_LINEAR
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel
+from lamella_arrays import Reals
 from updating.results.identified import BY_HAND, MEASUREMENT, Assignment, Identified, made_from
 from updating.results.store import read_current, read_frf, read_result, write_bytes, write_result
 
@@ -46,16 +46,16 @@ class OverAmplitude:
     lost: tuple[str, ...]
 
     @property
-    def rms_motion(self) -> tuple[NDArray[np.float64], ...]:
+    def rms_motion(self) -> tuple[Reals, ...]:
         """Root mean square of the displacement amplitudes of all responses of each mode of each level, m."""
         return self._of_each_level(self.dependence.rms_motion)
 
     @property
-    def motion(self) -> tuple[NDArray[np.float64], ...]:
+    def motion(self) -> tuple[Reals, ...]:
         """Displacement amplitude at `dependence.point` of each mode of each level, m."""
         return self._of_each_level(self.dependence.motion)
 
-    def _of_each_level(self, table: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    def _of_each_level(self, table: Reals) -> tuple[Reals, ...]:
         """Return a table of the dependence in the order of the modes of each level."""
         by_level = []
         for modes, number, values in zip(self.level, self.dependence.mode, table, strict=True):

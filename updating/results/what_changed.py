@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lamella_shared import arrays
+from lamella_arrays import Reals, arrays
 
 Verdict = Literal["unchanged", "too little to say", "identified", "one of", "partly explained", "unlike anything"]
 
@@ -120,15 +119,15 @@ class WhatChanged:
     log_odds: float
     scatter: float
     stated: float
-    frequency: NDArray[np.float64]
-    shift: NDArray[np.float64]
-    explained_shift: NDArray[np.float64]
+    frequency: Reals
+    shift: Reals
+    explained_shift: Reals
     axes: tuple[str, ...]
     ends: tuple[str, ...]
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    map: NDArray[np.float64]
-    box: NDArray[np.float64]
+    x: Reals
+    y: Reals
+    map: Reals
+    box: Reals
     sentences: tuple[str, ...]
 
     def kind(self, name: str) -> KindOfChange:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 import model
 from ema import write_uff
 from ema.types.frf import FRF, Dofs, Geometry
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 from lamella_shared import read_toml
 from model import Formula, Observation, Observed, ReducedSystem, SolveError
 from model.elements.equations import OMEGA, Product, Target
@@ -48,17 +49,17 @@ class Dynamics:
         axis, times an (n, n) matrix.
     """
 
-    steady: Mapping[Target, NDArray[np.float64]]
-    following: tuple[tuple[Target, Callable[[complex], complex], NDArray[np.float64]], ...]
+    steady: Mapping[Target, Reals]
+    following: tuple[tuple[Target, Callable[[complex], complex], Reals], ...]
 
-    def at(self, s: complex) -> NDArray[np.complex128]:
+    def at(self, s: complex) -> Complexes:
         """Return the dynamic stiffness at the Laplace variable `s`, rad/s; (n, n) complex."""
         total: NDArray[Any] = s**2 * self.steady["M"] + s * self.steady["C"] + self.steady["K"]
         for target, factor, matrix in self.following:
             total = total + s ** _POWER[target] * factor(s / 1j) * matrix
         return np.asarray(total, dtype=complex)
 
-    def slope(self, s: complex) -> NDArray[np.complex128]:
+    def slope(self, s: complex) -> Complexes:
         """Return the derivative of the dynamic stiffness by `s`; a difference would drown in the supports."""
         step = 1e-6  # relative, of the derivative that only steers the iteration
         total: NDArray[Any] = 2.0 * s * self.steady["M"] + self.steady["C"]
@@ -68,7 +69,7 @@ class Dynamics:
             total = total + (ends[0] - ends[1]) / (2.0 * h) * matrix
         return np.asarray(total, dtype=complex)
 
-    def with_parts(self, rows: NDArray[np.float64], mass: float, stiffness: float = 0.0) -> Dynamics:
+    def with_parts(self, rows: Reals, mass: float, stiffness: float = 0.0) -> Dynamics:
         """Return the dynamics with a mass, kg, and a spring to the ground, N/m, on each of the `rows` (k, n)."""
         square = rows.T @ rows
         steady = {**self.steady, "M": self.steady["M"] + mass * square, "K": self.steady["K"] + stiffness * square}
@@ -96,9 +97,7 @@ def _continued(factor: Any, theta: Mapping[str, float]) -> Callable[[complex], c
     return lambda omega: complex(factor({**theta, OMEGA: omega.real}))
 
 
-def poles(
-    of: Dynamics, start: NDArray[np.complex128], vectors: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+def poles(of: Dynamics, start: Complexes, vectors: Reals) -> tuple[Complexes, Complexes]:
     """Solve (s**2 M + s C + K) x = 0 for the poles next to given ones, by Newton's inverse iteration.
 
     Parameters
@@ -146,9 +145,7 @@ def poles(
     return found, shapes
 
 
-def receptance(
-    of: Dynamics, frequency: NDArray[np.float64], rows: NDArray[np.float64], force: NDArray[np.float64]
-) -> NDArray[np.complex128]:
+def receptance(of: Dynamics, frequency: Reals, rows: Reals, force: Reals) -> Complexes:
     """Return receptances, (n_output, n_frequency), to one force.
 
     Parameters
@@ -166,13 +163,8 @@ def receptance(
 
 
 def loaded_response(
-    of: Dynamics,
-    clean: NDArray[np.complex128],
-    frequency: NDArray[np.float64],
-    sensors: Observed,
-    run: NDArray[np.int64],
-    mass: float,
-) -> NDArray[np.complex128]:
+    of: Dynamics, clean: Complexes, frequency: Reals, sensors: Observed, run: Integers, mass: float
+) -> Complexes:
     """Return receptances of roving sensors that load the stack where they stand, run by run.
 
     With the unloaded receptances H_ss between the sensors' degrees of freedom of a run and H_sf to the force,
@@ -236,18 +228,18 @@ class TrueModes:
         Largest accelerance at resonance, (m/s2)/N; weak ones do not show in FRFs.
     """
 
-    frequency: NDArray[np.float64]
-    damping: NDArray[np.float64]
-    shape: NDArray[np.float64]
-    node: NDArray[np.int64]
-    direction: NDArray[np.float64]
-    run_frequency: NDArray[np.float64]
-    run_damping: NDArray[np.float64]
-    tested_frequency: NDArray[np.float64]
-    tested_damping: NDArray[np.float64]
-    strength: NDArray[np.float64]
+    frequency: Reals
+    damping: Reals
+    shape: Reals
+    node: Integers
+    direction: Reals
+    run_frequency: Reals
+    run_damping: Reals
+    tested_frequency: Reals
+    tested_damping: Reals
+    strength: Reals
 
-    def visible(self, band: tuple[float, float]) -> NDArray[np.bool_]:
+    def visible(self, band: tuple[float, float]) -> Booleans:
         """Return which modes lie in a band, Hz, and show in its FRFs, (n_mode,)."""
         # of the strongest resonance; modes that move across the sensors or rest at the shaker are weaker
         visible = 0.01
@@ -327,7 +319,7 @@ def true_modes(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> 
     )
 
 
-def runs_of(specimen: Specimen) -> NDArray[np.int64]:
+def runs_of(specimen: Specimen) -> Integers:
     """Return the run in which each output is measured, (n_output,)."""
     return np.arange(specimen.output.node.size) // 2
 
@@ -351,7 +343,7 @@ def _with_shaker(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -
     return of.with_parts(rows, test.force_cell_mass).with_parts(rows[:2], 0.0, test.stinger_stiffness)
 
 
-def _clean(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> NDArray[np.complex128]:
+def _clean(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> Complexes:
     """Return accelerances without noise, (n_output, 1, n_frequency), the mass of shaker and sensors included."""
     c, frequency = specimen.configuration, test.frequency
     if not (test.sensor_mass or test.force_cell_mass or test.stinger_stiffness):
@@ -370,21 +362,21 @@ def _clean(test: VirtualTest, specimen: Specimen, system: ReducedSystem) -> NDAr
     return -((2.0 * np.pi * frequency) ** 2) * response[2::3, None]
 
 
-def _noise(rng: np.random.Generator, clean: NDArray[np.complex128], level: float) -> NDArray[np.complex128]:
+def _noise(rng: np.random.Generator, clean: Complexes, level: float) -> Complexes:
     """Complex white noise; `level` is its standard deviation over the root mean square of each FRF."""
     rms = np.sqrt(np.mean(np.abs(clean) ** 2, axis=-1, keepdims=True))
     return level * rms * _normal(rng, clean.shape)
 
 
-def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> NDArray[np.complex128]:
+def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Complexes:
     """Complex normal numbers of unit variance."""
     real, imaginary = rng.standard_normal((2, *shape))
     return np.asarray((real + 1j * imaginary) / np.sqrt(2))
 
 
 def _estimated(
-    rng: np.random.Generator, clean: NDArray[np.complex128], run: NDArray[np.int64], averaging: Averaging
-) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+    rng: np.random.Generator, clean: Complexes, run: Integers, averaging: Averaging
+) -> tuple[Complexes, Reals]:
     """H1 and coherence, (n_output, 1, n_frequency), from records of unit force; a run's outputs share its records."""
     floor = averaging.response_noise * np.sqrt(np.mean(np.abs(clean) ** 2))
     value, coherence = np.empty_like(clean), np.empty(clean.shape)

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 import model
 from ema.io.files import Section
 from ema.types.frf import Geometry
+from lamella_arrays import Reals
 from lamella_shared import read_form
 from model import Contact, Effect, Instruments, Mesh, Observation, Stack
 from updating.errors import FitError
@@ -142,7 +142,7 @@ class VirtualTest:
                 raise FitError(f"deviation {name!r}: needs {n[name]} value(s), got {len(values)}")
 
     @property
-    def frequency(self) -> NDArray[np.float64]:
+    def frequency(self) -> Reals:
         """Frequency lines, Hz."""
         return np.arange(self.band[0], self.band[1] + self.step / 2, self.step)
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import tomlkit
-from numpy.typing import NDArray
 from tomlkit.exceptions import TOMLKitError
 
 from ema.identification.doubtful_modes import dropped_columns, stability
@@ -23,6 +22,7 @@ from ema.plot.figures import UNIT
 from ema.types.errors import EmaError
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
+from lamella_arrays import Booleans, Complexes
 from lamella_shared import plain_bytes
 from updating.errors import StoreError, UpdatingError
 from updating.fitting.plots import lone_shape
@@ -43,7 +43,7 @@ def diagram_chart(tested: Tested, lines: FRF, order: int) -> Chart:
     return stabilization_chart(diagram, stability(diagram, lines), dropped_columns(diagram, lines, measured), measured)
 
 
-def toggled(pole: NDArray[np.complex128], hertz: float, percent: float) -> NDArray[np.complex128]:
+def toggled(pole: Complexes, hertz: float, percent: float) -> Complexes:
     """Return chosen poles (rad/s) with a further one, or without it where it is among them already."""
     new = pole_of(hertz, percent)
     near = _near(pole, new)
@@ -56,12 +56,12 @@ def pole_of(hertz: float, percent: float) -> complex:
     return complex(2.0 * np.pi * hertz * complex(-damping, np.sqrt(1.0 - damping**2)))
 
 
-def _near(pole: NDArray[np.complex128], new: complex) -> NDArray[np.bool_]:
+def _near(pole: Complexes, new: complex) -> Booleans:
     same = 2e-3  # relative distance of frequencies within which a click is on a pole that is taken already
     return np.abs(np.abs(pole) / abs(new) - 1.0) < same
 
 
-def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple[Chart, Chart]:
+def fitted_charts(lines: FRF, pole: Complexes, point: int) -> tuple[Chart, Chart]:
     """Draw the first function of a point with its fit at the poles, and the MAC of their shapes with each other.
 
     Residues are fitted at these poles to all functions at the first input (LSFD), as the identification begins.
@@ -92,7 +92,7 @@ def fitted_charts(lines: FRF, pole: NDArray[np.complex128], point: int) -> tuple
     return Chart(traces=traces, layout=layout), mac_chart(likeness, frequency, frequency, "chosen", "chosen")
 
 
-def shape_of(tested: Tested, lines: FRF, pole: NDArray[np.complex128], new: complex) -> dict[str, Any]:
+def shape_of(tested: Tested, lines: FRF, pole: Complexes, new: complex) -> dict[str, Any]:
     """Return the shape of a pole, fitted together with the chosen ones, in the form of the page of moving shapes."""
     others = pole[~_near(pole, new)]
     fit = linear_fit(lines.frequency, lines.value[:, 0], np.array([*others, new]), lines.quantity)
@@ -280,7 +280,7 @@ class _Picking:
         state.stabilization = figure(drawn)
         self.draw()
 
-    def _inside(self) -> NDArray[np.complex128]:
+    def _inside(self) -> Complexes:
         hertz = np.abs(self._pole) / (2.0 * np.pi)
         return self._pole[(hertz >= self.state.band[0]) & (hertz <= self.state.band[1])]
 

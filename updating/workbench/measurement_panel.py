@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.modal.mac import complexity
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
+from lamella_arrays import Integers, Reals
 from updating.correlation.plots import synthesized
 from updating.report.modes_part import COMPLEXITY
 from updating.report.part import Chart, axis, single
@@ -88,16 +88,14 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
     )
 
 
-def _edges(*size: float) -> NDArray[np.float64]:
+def _edges(*size: float) -> Reals:
     """Return the edges (12, 2, 3) of a box of some size (m) about the origin, mm."""
     corner = 500.0 * np.array(list(itertools.product(*((-s, s) for s in size))))
     pairs = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
     return np.asarray(corner[np.array(pairs)])
 
 
-def _arrows(
-    place: Mapping[int, NDArray[np.float64]], node: NDArray[np.int64], direction: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _arrows(place: Mapping[int, Reals], node: Integers, direction: Reals) -> Reals:
     """Return lines (n, 2, 3) from points, mm, along directions; points without coordinates have none."""
     arrow = 0.05  # of the longest side
     at = np.array(list(place.values()))

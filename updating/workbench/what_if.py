@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.campaign.campaign import Configuration
 from ema.modal.mac import mac, real_shape
@@ -16,6 +15,7 @@ from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.modal_model import ModalModel, frequency_text
+from lamella_arrays import Booleans, Complexes, Integers, Reals
 from model import (
     Effect,
     EffectError,
@@ -110,10 +110,10 @@ class Outcome:
         All modes of the model, those of the rigid body first.
     """
 
-    measured: NDArray[np.float64]
-    model: NDArray[np.float64]
-    likeness: NDArray[np.float64]
-    mode: NDArray[np.int64]
+    measured: Reals
+    model: Reals
+    likeness: Reals
+    mode: Integers
     error: float
     modes: Modes
 
@@ -144,10 +144,10 @@ class Tried:
     measured: ModalModel
     system: ReducedSystem
     observed: Observed
-    used: NDArray[np.bool_]
+    used: Booleans
     moved: Mapping[str, float]
-    natural: NDArray[np.float64]
-    ratio: NDArray[np.float64]
+    natural: Reals
+    ratio: Reals
 
     def solved(self, values: Mapping[str, float]) -> Modes:
         """Return all modes, those of the rigid body first, for some values of the parameters."""
@@ -241,7 +241,7 @@ def _as_stated(stack: Stack, measured: ModalModel, kept: CandidateModel | None) 
     )
 
 
-def _paired(tried: Tried, values: Sequence[Mapping[str, float]]) -> NDArray[np.bool_]:
+def _paired(tried: Tried, values: Sequence[Mapping[str, float]]) -> Booleans:
     """Tell which measured modes pair where MAC values, those of subspaces for close modes, sum to most, (n_mode,)."""
     pairs = [pair(tried.measured, tried.solved(value).elastic(), threshold=LEAST_MAC) for value in values]
     best = max(pairs, key=lambda p: float(np.sum(p.subspace_mac)))
@@ -355,7 +355,7 @@ def driven(tried: Tried) -> Observed | None:
     return observe(tried.system, force.observation)
 
 
-def response(modes: Modes, output: int, force: Observed, lines: FRF) -> NDArray[np.complex128]:
+def response(modes: Modes, output: int, force: Observed, lines: FRF) -> Complexes:
     """Return the function of the model from the force to a measured output, (n_frequency,), in the lines' quantity.
 
     The modes that are solved are added up, those of the rigid body among them (Ewins, Modal Testing, 2nd ed., sec.
@@ -368,7 +368,7 @@ def response(modes: Modes, output: int, force: Observed, lines: FRF) -> NDArray[
     return np.asarray(terms.sum(axis=1) * s[:, 0] ** DERIVATIVE[lines.quantity])
 
 
-def response_chart(lines: FRF, output: int, before: NDArray[np.complex128], now: NDArray[np.complex128]) -> Chart:
+def response_chart(lines: FRF, output: int, before: Complexes, now: Complexes) -> Chart:
     """Draw a measured function with that of the model before and now."""
     traces = [
         {
