@@ -81,7 +81,9 @@ UNITS = {
         Units(name="mm-g-ms", length=1e-3, mass=1e-3, time=1e-3),  # N and MPa
         Units(name="m-t-s", length=1.0, mass=1e3, time=1.0),  # kN and kPa
         Units(name="in-lbfs2/in-s", length=0.0254, mass=175.126835, time=1.0),  # lbf and psi
+        Units(name="in-kips2/in-s", length=0.0254, mass=175126.835, time=1.0),  # kip and ksi
         Units(name="ft-slug-s", length=0.3048, mass=14.5939029, time=1.0),  # lbf
+        Units(name="ft-kips2/ft-s", length=0.3048, mass=14593.9029, time=1.0),  # kip
     )
 }
 
@@ -114,8 +116,9 @@ def check_labels(entries: Entries) -> None:
         i = int(np.argmax(strange))
         refuse(
             f"{entries.source}: row {i + 1} is {name_of(int(entries.node[i]), int(entries.dof[i]))}, which is no "
-            "displacement of a node but an internal variable: a Lagrange multiplier, a scalar point, a pressure or a "
-            "temperature. Write the matrices without them (ties by penalty or elimination, no acoustic elements)"
+            "displacement of a node (1 to 6, or x, y, z, rx, ry, rz) but an internal variable: a Lagrange "
+            "multiplier, a scalar point, a pressure or a temperature. Write the matrices without them (ties by penalty "
+            "or elimination, no acoustic elements); or does the table count from 0?"
         )
     labels, count = np.unique(key(entries.node, entries.dof), return_counts=True)
     if labels.size < entries.node.size:
@@ -136,7 +139,6 @@ def symmetric(entries: Entries) -> sp.csr_matrix:
     MatricesError
         An entry is no number, is there twice, or differs from its mirror image.
     """
-    check_labels(entries)
     if not np.isfinite(entries.value).all():
         i = int(np.argmin(np.isfinite(entries.value)))
         refuse(f"{entries.source}: entry ({_place(entries, i)}) is {entries.value[i]}; a finite number is needed")
@@ -301,9 +303,15 @@ def rigid_motion(location: NDArray[np.float64], dof: Index) -> NDArray[np.float6
 
 
 def check_mass(
-    mass: sp.csr_matrix, motion: NDArray[np.float64], stated: float | None, units: Units, *, complete: bool
-) -> str:
-    """Return mass and inertia in words.
+    mass: sp.csr_matrix,
+    motion: NDArray[np.float64],
+    size: NDArray[np.float64] | None,
+    stated: float | None,
+    units: Units,
+    *,
+    complete: bool,
+) -> list[str]:
+    """Return mass and inertia in words, and what no structure has in them.
 
     Parameters
     ----------
@@ -311,6 +319,8 @@ def check_mass(
         Mass matrix, SI.
     motion : (n, 6)
         Motions of a rigid body.
+    size : (3,) float, optional
+        Of the box about all nodes, m, where it is known.
     stated : float, optional
         What the structure weighs, kg.
     units : Units
@@ -337,7 +347,34 @@ def check_mass(
             right = [u.name for u in UNITS.values() if least <= found * u.mass / stated <= 1.0 + same_mass]
             hint = f"; in {' or '.join(right)} it would be right" if right else ""
             refuse(f"in units {units.name} the matrices weigh {total:.4g} kg; total_mass_kg is {stated:.4g}{hint}")
-    about_centre = moved[3:, 3:] - moved[3:, :3] @ np.linalg.pinv(moved[:3, :3]) @ moved[:3, 3:]
-    inertia = ", ".join(f"{value:.4g}" for value in np.diag(about_centre))
-    along = "" if np.ptp(weights) <= 1e-6 * total else f" along x, y, z {', '.join(f'{w:.4g}' for w in weights)} kg:"
-    return f"total mass {total:.6g} kg{along}, inertia about its centre {inertia} kg m2"
+    along = "" if np.ptp(weights) <= 1e-6 * total else f" (along x, y, z {', '.join(f'{w:.4g}' for w in weights)} kg)"
+    words, strange = f"total mass {total:.6g} kg{along}", []
+    if complete and np.abs(moved[:3, :3] - total * np.eye(3)).max() > same_mass * total:
+        strange.append(
+            "it does not weigh the same along x, y and z though all displacements are there, as a structure does: is "
+            "the table of rows in the order of the matrices?"
+        )
+    if size is not None:
+        about_centre = moved[3:, 3:] - moved[3:, :3] @ np.linalg.pinv(moved[:3, :3]) @ moved[:3, 3:]
+        words += f", inertia about its centre {', '.join(f'{value:.4g}' for value in np.diag(about_centre))} kg m2"
+        words += f"; {' by '.join(f'{side:.4g}' for side in size)} m"
+        strange += _odd_density(total, size, units)
+    return [words, *strange]
+
+
+def _odd_density(mass: float, size: NDArray[np.float64], units: Units) -> list[str]:
+    """Say that no structure is so light or so heavy: its units are others than stated.
+
+    What a plane structure or a line lacks of three extents is taken to be as large as the least that it has.
+    """
+    flat = 1e-3  # of the largest extent, below which nodes do not say how thick a structure is
+    least = (1e-3, 1e-6)  # kg/m3: a truss of aluminium in a box ten times as wide as its tubes are long; a wire
+    most = 3e4  # kg/m3: more than osmium
+    wide = size > flat * size.max()
+    box = float(np.prod(np.where(wide, size, size[wide].min(initial=size.max()))))
+    if box <= 0.0 or least[int(not wide.all())] <= mass / box <= most:
+        return []
+    return [
+        f"the box about its nodes would hold {mass / box:.2g} kg for each m3, as no structure does: are the units of "
+        f"all files {units.name}? State total_mass_kg, which checks them"
+    ]

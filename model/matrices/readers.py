@@ -14,7 +14,7 @@ import scipy
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.matrices.labelled import DIRECTIONS, Entries, Index
+from model.matrices.labelled import DIRECTIONS, Entries, Index, check_labels
 from model.matrices.text import columns_of_csv, kind_of, numbers, read_text, refuse
 
 Target = Literal["M", "C", "K"]
@@ -41,8 +41,14 @@ def read_entries(given: str, folder: Path, target: Target, labels: Path | None) 
     Raises
     ------
     MatricesError
-        The file cannot be read; the message says what it should look like.
+        The file cannot be read, or a row is no displacement; the message says what would be right.
     """
+    found = _read(given, folder, target, labels)
+    check_labels(found)
+    return found
+
+
+def _read(given: str, folder: Path, target: Target, labels: Path | None) -> Entries:
     file, _, name = given.partition("#")
     path, kind = folder / file, kind_of(Path(file))
     if kind in _TEXT:
@@ -166,7 +172,8 @@ def _array(path: Path, name: str) -> sp.coo_matrix:
             if hasattr(array, "check_format"):  # of a sparse matrix; conversions trust its indices, and crash
                 array.check_format(full_check=True)
     except Exception as error:  # a damaged file brings forth any, of zip, of its compression, of the reader
-        refuse(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})")
+        old = "; save it with -v7, not -v7.3" if isinstance(error, NotImplementedError) else ""
+        refuse(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}{old})")
     if not name and len(arrays) == 1:
         name = next(iter(arrays))
     if name not in arrays or np.ndim(arrays[name]) != 2:

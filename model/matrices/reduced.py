@@ -405,7 +405,7 @@ _SAME = 1e-6  # of the structure's size: a point is on a node
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ObservedPoints:
-    """Where dislocationments are looked at.
+    """Where displacements are looked at.
 
     Attributes
     ----------

@@ -116,6 +116,14 @@ def _place(path: Path, line: int, words: list[str]) -> tuple[float, ...]:
     return found
 
 
+_ELSEWHERE = {
+    "*INSTANCE": "moves nodes and numbers them anew",
+    "*SYSTEM": "moves nodes",
+    "*TRANSFORM": "turns directions of nodes",
+}
+"""Keywords of a deck after which places and directions of nodes are others than its lines say."""
+
+
 def _deck(path: Path) -> tuple[dict[int, tuple[float, ...]], dict[str, list[int]]]:
     """Read *NODE and *NSET of a deck of CalculiX or Abaqus without parts, and the files that it includes."""
     table: dict[int, tuple[float, ...]] = {}
@@ -128,6 +136,11 @@ def _deck(path: Path) -> tuple[dict[int, tuple[float, ...]], dict[str, list[int]
         if line.startswith("*"):
             keyword = words[0].upper()
             options = {k.strip().upper(): v.strip().upper() for k, _, v in (one.partition("=") for one in words[1:])}
+            if keyword in _ELSEWHERE:
+                refuse(
+                    f"{path}: line {i}: {keyword} {_ELSEWHERE[keyword]}; write the deck flat and in global coordinates "
+                    "(Abaqus/CAE: Model, Edit Attributes, Do not use parts and assemblies), or a CSV table node,x,y,z"
+                )
             name = options.get("NSET", "")
             if keyword == "*INCLUDE":
                 further, more = _deck(path.parent / dict(_pairs(words[1:]))["INPUT"])
@@ -188,8 +201,10 @@ def _nblock(path: Path) -> dict[int, tuple[float, ...]]:
             if text.lstrip().startswith(("N,", "-1")):
                 break
             start = n * wide
-            places = [text[start + k * long : start + (k + 1) * long] for k in range(3)]
-            table[_whole(path, i, text[:wide])] = _place(path, i, places)
+            fields = [text[start + k * long : start + (k + 1) * long] for k in range(6)]
+            if any(_place(path, i, fields[3:])):
+                refuse(f"{path}: line {i}: node {text[:wide].strip()} has turned axes; only global directions are read")
+            table[_whole(path, i, text[:wide])] = _place(path, i, fields[:3])
     return table
 
 
@@ -351,7 +366,7 @@ def _locations(nodes: Nodes | None, node: Index, source: str, units: Units) -> N
     try:
         return nodes.location[nodes.at(node)] * units.length
     except KeyError as error:
-        refuse(f"{source}: the file of the nodes does not say where node {error.args[0]} is")
+        refuse(f"{source}: the file of the nodes does not say where node {error.args[0]} is; is it of the same model?")
 
 
 def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> Index:

@@ -178,7 +178,7 @@ def _structure(given: StructureForm, folder: Path) -> MatrixStructure:
         rigid_modes=given.matrices.rigid_modes,
         notes=rows.notes,
     )
-    return _checked(_kept(found, ~rows.held(given.support)), given, rows)
+    return _checked(found, given, rows)
 
 
 def _kept(found: MatrixStructure, rows: NDArray[np.bool_]) -> MatrixStructure:
@@ -188,51 +188,26 @@ def _kept(found: MatrixStructure, rows: NDArray[np.bool_]) -> MatrixStructure:
     return replace(found, node=found.node[rows], dof=found.dof[rows], location=place, terms=terms)
 
 
-def _odd_density(mass: float, box: float, given: StructureForm, *, least: float = 1e-3, most: float = 3e4) -> list[str]:
-    """Say that no structure is so light or so heavy: its units are others than stated.
-
-    Parameters
-    ----------
-    mass, box : float
-        What moves along x, kg, and the volume of the box about all nodes, m3.
-    given : StructureForm
-        Its file.
-    least, most : float
-        kg/m3: a truss of aluminium in a box ten times as wide as its tubes are long, and more than osmium.
-    """
-    if box <= 0.0 or least <= mass / box <= most:
-        return []
-    return [
-        f"the box about its nodes would hold {mass / box:.2g} kg for each m3, as no structure does: are the units of "
-        f"all files {given.matrices.units}? State total_mass_kg, which checks them"
-    ]
-
-
 def _checked(found: MatrixStructure, given: StructureForm, rows: Rows) -> MatrixStructure:
-    """Return a structure without rows that do nothing, with notes.
+    """Return a structure without what is held and without rows that do nothing, with notes.
 
     Raises
     ------
     MatricesError
         As in `check_rows` and `check_mass`.
     """
-    theta = found.theta
-    mass = found.matrix("M", theta)
-    idle, notes = check_rows(found.matrix("K", theta), mass, found.node, found.dof)
+    stiffness, mass = (found.matrix(target, found.theta) for target in ("K", "M"))
+    idle, notes = check_rows(stiffness, mass, found.node, found.dof)
     n_node = (np.unique(found.node) if rows.nodes is None else rows.nodes.number).size
-    weight = check_mass(
+    notes += check_mass(
         mass,
         rigid_motion(found.location, found.dof),
+        np.ptp(found.location, axis=0) if found.placed else None,
         given.matrices.total_mass_kg,
         UNITS[given.matrices.units],
         complete=bool(np.count_nonzero(found.dof <= 3) == 3 * n_node),
     )
-    if rows.nodes is not None:
-        size = np.ptp(found.location, axis=0)
-        weight += f"; {size[0]:.4g} by {size[1]:.4g} by {size[2]:.4g} m"
-        along = found.dof == 1
-        notes += _odd_density(float(mass[along][:, along].sum()), float(np.prod(size)), given)
-    return replace(_kept(found, ~idle), notes=(*found.notes, *notes, weight))
+    return replace(_kept(found, ~(idle | rows.held(given.support))), notes=(*found.notes, *notes))
 
 
 def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -> dict[Target, sp.csr_matrix]:

@@ -109,7 +109,7 @@ _PAIRS = (
 )
 """Names of stiffness and mass as programs, and people, give them."""
 
-_LABELS, _NODES = (".dof", ".mapping"), (".inp", ".bdf", ".dat", ".nas", ".cdb")
+_ARRAYS, _LABELS, _NODES = (".npz", ".mat"), (".dof", ".mapping"), (".inp", ".bdf", ".dat", ".nas", ".cdb")
 
 
 _DRAFT = """name = {0}
@@ -128,6 +128,23 @@ mass = {2}   # guessed by its name
 [reduction]
 band_Hz = "?"            # to be filled in: up to which frequency modes are wanted
 """
+
+
+def _in_one(path: Path) -> tuple[str, str] | None:
+    """Return the stiffness and the mass of a file that holds both as square arrays, by their names; None otherwise."""
+    try:
+        if kind_of(path) == ".mat":
+            import scipy.io  # which `lamella new` does without as a rule
+
+            shapes = {name: shape for name, shape, _ in scipy.io.whosmat(path)}
+        else:
+            with np.load(path, allow_pickle=False) as file:
+                shapes = {name: file[name].shape for name in file.files if name[0] in "KkMmSs"}
+    except Exception:  # a file that is no matrices; as a measurement it is looked at elsewhere
+        return None
+    square = [name for name, shape in shapes.items() if len(shape) == 2 and shape[0] == shape[1] > 1]
+    k, m = (next((f"{path.name}#{n}" for n in square if re.match(p, n, re.IGNORECASE)), None) for p in ("k|stif", "m"))
+    return (k, m) if k and m else None
 
 
 def draft_structure(folder: Path) -> str | None:
@@ -151,6 +168,8 @@ def draft_structure(folder: Path) -> str | None:
     full, punch = one_of((".full",)), one_of((".pch",))
     if pair is None and (full or punch):
         pair = (full, full) if full else (f"{punch}#KAAX", f"{punch}#MAAX")
+    if pair is None:
+        pair = next(filter(None, (_in_one(folder / name) for name in names if kind_of(Path(name)) in _ARRAYS)), None)
     if pair is None:
         return None
     labels = one_of(_LABELS) or next((name for name in names if name.lower() == "dofs.csv"), None)

@@ -43,7 +43,7 @@ def orthonormalize(x: Reals, mass: Product, against: Sequence[Block] = ()) -> Bl
     mass_x = mass(x)
     scale = np.sqrt(np.einsum("ij,ij->j", x, mass_x))
     x, mass_x = x / scale, mass_x / scale
-    for _ in range(2):  # the second pass removes what rounding left of the first
+    for least in (1e-14, 0.5):  # the second pass removes what rounding left of the first, and what is only that
         if x.shape[1] == 0:
             break
         for basis, mass_basis in against:
@@ -51,7 +51,7 @@ def orthonormalize(x: Reals, mass: Product, against: Sequence[Block] = ()) -> Bl
             x -= basis @ part
             mass_x -= mass_basis @ part
         values, vectors = la.eigh(x.T @ mass_x)
-        keep = values > 1e-14 * max(values[-1], 1.0)
+        keep = values > least * max(values[-1], 1.0)
         turn = vectors[:, keep] / np.sqrt(values[keep])
         x, mass_x = x @ turn, mass_x @ turn
     return x, mass_x

@@ -15,11 +15,14 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 import model
+from ema import CampaignError
 from model.matrices.labelled import placed, symmetric
 from model.matrices.readers import read_entries
 from model.matrices.reduced import points_on
 from model.matrices.rows import read_nodes
+from model.matrices.text import draft_structure
 from model.solvers.eigen import CholeskyFactor, NotPositiveError
+from updating.commands.new import new_command
 
 EXAMPLE = Path(__file__).parents[2] / "data/matrices_example"
 N, SPRING, MASS = 6, 2.0e3, 0.5  # a chain of 6 masses along x, N/m and kg, held at its first end
@@ -275,6 +278,72 @@ def test_units_that_make_no_structure_are_asked_about(tmp_path):
     assert "are the units" not in notes("mm-t-s")
 
 
+@pytest.mark.parametrize(("units", "asked"), [("mm-t-s", False), ("m-kg-s", True)])
+def test_units_of_what_has_no_volume_are_asked_about(tmp_path, units, asked):
+    labels = "node,dof,x,y,z\n" + "".join(f"{n},1,{150 * i},{60 * (i % 2)},0\n" for i, n in enumerate(NODE))
+    structure = model.read_matrices(write(tmp_path, m=M / 1e3, head=HEAD.replace("m-kg-s", units), labels=labels))
+    assert ("are the units" in structure.notes[-1]) == asked
+
+
+def test_rows_in_another_order_than_their_table_are_asked_about(tmp_path):
+    light = np.diag(np.repeat([1.0, 0.1], 3))  # a node of 1 kg and one of 0.1 kg
+    for dof, right in ((np.tile([1, 2, 3], 2), True), (np.repeat([1, 2, 3], 2), False)):
+        path = write(tmp_path, np.eye(6), light, labels=table(np.repeat([10, 11], 3) if right else [10, 11] * 3, dof))
+        assert ("not weigh the same" in " ".join(model.read_matrices(path).notes)) != right
+
+
+def test_a_structure_is_weighed_with_what_is_held(tmp_path):
+    body = '[[group]]\nname = "g"\nnodes = [10, 11]\n[[support]]\ngroup = "g"\ndirections = ["x"]\nstate = "held"\n'
+    structure = model.read_matrices(write(tmp_path, head=HEAD + "total_mass_kg = 3.0\n", body=body))
+    assert structure.node.size == N - 2
+    assert "total mass 3 kg" in structure.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "says"),
+    [
+        ("a.inp", "*PART, NAME=A\n*NODE\n1,0,0,0\n*INSTANCE, NAME=B, PART=A\n1.,0.,0.\n", "line 4: .INSTANCE moves"),
+        ("a.inp", "*SYSTEM\n1,0,0\n*NODE\n1,0,0,0\n", "line 1: .SYSTEM moves nodes"),
+        ("a.bdf", "GRID,1,7,0.,0.,0.\n", "grid 1 has a coordinate system"),
+        (
+            "a.cdb",
+            "NBLOCK,6,SOLID,1,1\n(1i9,6e9.1e1)\n        1" + "  0.0E+00" * 3 + "  9.0E+01\n",
+            "node 1 has turned",
+        ),
+    ],
+)
+def test_local_directions_are_refused(tmp_path, file, text, says):
+    (tmp_path / file).write_text(text)
+    with pytest.raises(model.MatricesError, match=says):
+        read_nodes(tmp_path / file)
+
+
+def test_an_internal_node_is_named_before_its_place_is_asked_for(tmp_path):
+    (tmp_path / "k.mtx").write_text(as_text("abaqus", K, "") + "-5,1,-5,1,2000.\n")
+    path = write(tmp_path, head=HEAD.replace("k.npz", "k.mtx"))
+    with pytest.raises(model.MatricesError, match="row 1 is node -5, x, which is no displacement"):
+        model.read_matrices(path)
+
+
+@pytest.mark.parametrize("name", ["all.npz", "all.mat"])
+def test_a_folder_with_both_matrices_in_one_file_gets_a_first_structure_file(tmp_path, name):
+    arrays = {"freq": np.arange(3.0), "Kff": K, "Mff": M}
+    np.savez(tmp_path / name, **arrays) if name.endswith("npz") else scipy.io.savemat(tmp_path / name, arrays)
+    (tmp_path / "dofs.csv").write_text(table())
+    text = draft_structure(tmp_path)
+    assert f'stiffness = "{name}#Kff"' in text
+    assert f'mass = "{name}#Mff"' in text
+    assert 'dofs = "dofs.csv"' in text
+
+
+def test_a_folder_with_a_model_alone_is_no_fault(tmp_path, capsys):
+    write(tmp_path).unlink()
+    new_command(tmp_path)
+    assert "structure.toml; fill in units" in " ".join(capsys.readouterr().out.split())
+    with pytest.raises(CampaignError, match="no file in it looks like a measurement"):
+        new_command(tmp_path)
+
+
 def test_a_triangle_and_both_give_the_same(tmp_path):
     both = "".join(f"{NODE[i]},1,{NODE[j]},1,{K[i, j]!r}\n" for i, j in zip(*K.nonzero(), strict=True))
     (tmp_path / "both.mtx").write_text(both.replace("np.float64(", "").replace(")", ""))
@@ -301,6 +370,21 @@ def test_rows_without_mass_follow_the_others(tmp_path):
     path = write(tmp_path, m=m)
     assert frequencies(path)[:5] == pytest.approx(exact)
     assert "1 rows have no mass" in model.read_matrices(path).notes[0]
+
+
+def test_beams_whose_rotations_have_no_mass(tmp_path):
+    """What rounding leaves without mass once all that moves is found would spoil the modes."""
+    n = 63
+    side = 1.0 / n
+    beam = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]]) / side**3
+    beam *= np.outer([1, side, 1, side], [1, side, 1, side])
+    k = np.zeros((2 * n + 2, 2 * n + 2))
+    for i in range(0, 2 * n, 2):
+        k[i : i + 4, i : i + 4] += beam
+    k, m = k[2:, 2:], np.diag(np.tile([side, 0.0], n))
+    exact = np.sqrt(1.0 / la.eigh(m, k, eigvals_only=True)[::-1][:5]) / (2 * np.pi)
+    labels = "node,dof,x,y,z\n" + "".join(f"{i + 1},{d},{i * side},0,0\n" for i in range(n) for d in ("z", "ry"))
+    assert frequencies(write(tmp_path, k, m, labels=labels))[:5] == pytest.approx(exact, rel=1e-8)
 
 
 def test_units_become_si(tmp_path):

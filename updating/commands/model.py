@@ -204,23 +204,22 @@ def solve_matrices(file: Path, output: Path, n_mode: int) -> Table:
         It has fewer modes than are asked for.
     """
     with bar(OUT) as progress:
-        task = progress.add_task("read, reduce and solve", total=3)
+        task = progress.add_task("read, reduce and solve", total=2)
         structure = read_matrices(file)
         progress.advance(task)
         reduced = reduce_matrices(structure)
         progress.advance(task)
-        frequency = reduced.solve()[0]
-        elastic = frequency[frequency > 1e-3 * structure.band_Hz]
-        inside = elastic[elastic <= structure.band_Hz][:n_mode]
-        if not inside.size:
-            raise MatricesError(f"{file}: no mode below reduction.band_Hz = {structure.band_Hz:g}; raise it")
-        none = np.zeros((0, inside.size))
-        from updating.diagnosis.matrices_answer import modes_at
-
-        modes = modes_at(inside, np.zeros(inside.size), none, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-        write_result(output / "modes.json", modes, inputs=matrices_inputs(file), options={"n_mode": n_mode})
-        progress.advance(task)
     print_lines(OUT, structure.notes, soft_wrap=True)
+    frequency = reduced.solve()[0]
+    elastic = frequency[frequency > 1e-3 * structure.band_Hz]
+    inside = elastic[elastic <= structure.band_Hz][:n_mode]
+    if not inside.size:
+        raise MatricesError(f"{file}: no mode below reduction.band_Hz = {structure.band_Hz:g}; raise it")
+    none = np.zeros((0, inside.size))
+    from updating.diagnosis.matrices_answer import modes_at
+
+    modes = modes_at(inside, np.zeros(inside.size), none, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+    write_result(output / "modes.json", modes, inputs=matrices_inputs(file), options={"n_mode": n_mode})
     return Table(
         f"{structure.name}: {inside.size} elastic modes up to {structure.band_Hz:g} Hz",
         ("mode", "f [Hz]"),

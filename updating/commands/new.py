@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ema.campaign.draft import draft
 from ema.campaign.draft_file import draft_file, draft_modes, modes_draft_file, write_draft
+from ema.types.errors import CampaignError
 from model.matrices.text import write_structure
 from updating.commands.terminal import OUT, print_lines
 
@@ -14,9 +15,15 @@ def new_command(folder: Path) -> None:
     """Look at the files in a folder, write a first campaign file, and say what it takes and what is left to fill in."""
     structure = write_structure(folder) if folder.is_dir() else None
     if structure is not None:
-        OUT.print(f"Structure: {structure}; fill in units and reduction.band_Hz, and what may vary.")
+        OUT.print(f"Structure: {structure}; fill in units and reduction.band_Hz, and what may vary; see lamella model.")
     modes = draft_modes(folder)
-    drafted = draft(folder) if modes is None else modes.found
+    try:
+        drafted = draft(folder) if modes is None else modes.found
+    except CampaignError as error:
+        if structure is None:
+            raise
+        OUT.print(f"No campaign: {error}", soft_wrap=True)
+        return
     file = draft_file(drafted) if modes is None else modes_draft_file(modes)
     path = write_draft(drafted, file)
     for name, files in ({} if modes is None else modes.files).items():
