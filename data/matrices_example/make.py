@@ -24,10 +24,9 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
-from ema.types.geometry import Dofs, Geometry
 
 from ema.io.uff import write_uff
-from ema.types.frf import FRF
+from ema.types.frf import FRF, Dofs, Geometry
 from model.matrices.rows import read_nodes
 
 HERE = Path(__file__).parent
