@@ -8,6 +8,7 @@ from filelock import FileLock
 from rich.console import Console
 
 from updating.commands.fit import fit_campaign
+from updating.commands.terminal import Run
 from updating.report import page
 from updating.report.modes_part import modes_section
 from updating.results.identified import Failed
@@ -20,7 +21,9 @@ def demo(tmp_path_factory, worker_id):
     """The folder of `lamella fit data/demo_stack/campaign.toml` and what it returned; one worker does it for all."""
 
     def fitted(folder):
-        return tuple(fit_campaign(DATA / "demo_stack/campaign.toml", folder, 0.8, Console(quiet=True)))
+        return tuple(
+            fit_campaign(Run(campaign=DATA / "demo_stack/campaign.toml", output=folder, console=Console(quiet=True)))
+        )
 
     folder = tmp_path_factory.mktemp("demo")
     if worker_id != "master":
@@ -85,7 +88,7 @@ def small(tmp_path_factory, worker_id, write_small_campaign):
     def make(folder):
         folder.mkdir()
         campaign = write_small_campaign(folder, 4)
-        done = tuple(fit_campaign(campaign, folder / "out", 0.8, Console(quiet=True)))
+        done = tuple(fit_campaign(Run(campaign=campaign, output=folder / "out", console=Console(quiet=True))))
         assert len(done) == 4
         assert not any(isinstance(one, Failed) for one in done)
 

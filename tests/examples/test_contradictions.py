@@ -11,6 +11,7 @@ from rich.console import Console
 from ema import read_campaign
 from updating.commands import ema as ema_command
 from updating.commands import update as update_command
+from updating.commands.terminal import Run
 from updating.commands.update import run_update
 from updating.diagnosis import evidence
 from updating.errors import FitError
@@ -40,7 +41,7 @@ def test_they_are_printed_with_the_modes(small, results, monkeypatch, tmp_path, 
     campaign, out, shown = small[0], tmp_path / "out", io.StringIO()
     shutil.copytree(small[1], out)  # other tests share what is there
     monkeypatch.setattr(ema_command, "OUT", Console(file=shown, width=200))
-    ema_command.ema_command(campaign, out, None, None, keep=False, identify_anew=False)
+    ema_command.ema_command(Run(campaign=campaign, output=out), None)
     assert "C1 and C3 share 12 of 12 functions" in shown.getvalue()
 
 
@@ -54,7 +55,7 @@ def test_they_are_printed_where_several_configurations_are_fitted_together(small
 
     monkeypatch.setattr(update_command, "joint_fit", enough)
     with pytest.raises(KeyboardInterrupt):
-        run_update(file, out, Console(file=shown, width=200))
+        run_update(Run(campaign=file, output=out, console=Console(file=shown, width=200)))
     assert "In the campaign: C1 and C3 share 12 of 12 functions" in shown.getvalue()
 
 

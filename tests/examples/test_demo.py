@@ -10,6 +10,7 @@ from rich.console import Console
 from ema import ModalModel, mac
 from updating import Fit, read_result
 from updating.commands.fit import fit_campaign
+from updating.commands.terminal import Run
 
 TRUTH = Path(__file__).parents[2] / "data/demo_stack/truth.json"
 
@@ -49,7 +50,9 @@ def test_the_fit_finds_the_contact_parameters(demo, truth):
 
 def test_results_on_disk_are_those_that_were_returned(write_small_campaign, tmp_path):
     folder = tmp_path / "out"
-    for found, fitted in fit_campaign(write_small_campaign(tmp_path, 1), folder, 0.8, Console(quiet=True)):
+    for found, fitted in fit_campaign(
+        Run(campaign=write_small_campaign(tmp_path, 1), output=folder, console=Console(quiet=True))
+    ):
         measured = found.modal_model
         again = read_result(folder / measured.name / "modal_model.json", ModalModel)
         np.testing.assert_array_equal(again.pole, measured.pole)

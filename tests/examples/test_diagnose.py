@@ -10,6 +10,7 @@ import model
 from ema import read_campaign
 from updating.commands import diagnose as command
 from updating.commands import fit as fit_command
+from updating.commands.terminal import Run
 from updating.diagnosis import cached_model
 from updating.diagnosis.answer import Diagnosis, Sizes
 from updating.diagnosis.diagnosis import diagnose
@@ -38,7 +39,9 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
     monkeypatch.setattr(command, "catalogue", lambda _: {name: whole[name] for name in CONSIDERED})
     monkeypatch.setattr(command, "diagnose_stack", counted)
     monkeypatch.setattr(cached_model, "folder", lambda: tmp_path / "cache")
-    first, second = (command.diagnose_campaign(campaign, tmp_path / "out", [], console) for _ in range(2))
+    first, second = (
+        command.diagnose_campaign(Run(campaign=campaign, output=tmp_path / "out", console=console)) for _ in range(2)
+    )
     assert len(made) == 1
     for stage in ("reduce the model with 2 effects", "fit 2 effects, each alone"):
         assert f"diagnose: {stage}" in shown.getvalue()
@@ -51,18 +54,22 @@ def test_what_was_diagnosed_is_read_back_until_an_input_changes(write_small_camp
 
     monkeypatch.setattr(command, "diagnose_stack", here)
     campaign.write_text(campaign.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    command.diagnose_campaign(campaign, tmp_path / "out", [], console)
+    command.diagnose_campaign(Run(campaign=campaign, output=tmp_path / "out", console=console))
     assert len(made) == 2
     assert repr(made[1].ranking) == repr(made[0].ranking)  # wherever it was made, and with a model that was read back
     scatter = tmp_path / "scatter.toml"
     scatter.write_text("frequency = 0.2\ndamping = 0.9\n", encoding="utf-8")
-    doubtful = command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter_file=scatter)
+    doubtful = command.diagnose_campaign(
+        Run(campaign=campaign, output=tmp_path / "out", scatter_file=scatter, console=console)
+    )
     assert doubtful.ranking[0].log_odds < made[1].ranking[0].log_odds - 5.0
     assert doubtful.discrepancy == Sizes(frequency=0.2, damping=0.9)
     assert doubtful.too_large == ()
     scatter.write_text("frequenzy = 0.02\nyoung = 2.0\n", encoding="utf-8")
     with pytest.raises(FitError, match=r"(?s)scatter.toml: young.*scatter.toml: .*frequenzy.*frequency"):
-        command.diagnose_campaign(campaign, tmp_path / "out", [], console, scatter_file=scatter)
+        command.diagnose_campaign(
+            Run(campaign=campaign, output=tmp_path / "out", scatter_file=scatter, console=console)
+        )
 
 
 @pytest.mark.slow
@@ -81,8 +88,8 @@ def test_a_fit_with_an_effect_prints_the_numbers_of_the_diagnosis(write_small_ca
     monkeypatch.setattr(cached_model, "folder", lambda: tmp_path / "cache")
     shown, out = io.StringIO(), tmp_path / "out"
     monkeypatch.setattr(fit_command, "OUT", Console(file=shown, width=250))
-    command.diagnose_campaign(campaign, out, [], Console(quiet=True), scatter_file=scatter)
-    fit_command.fit_command(campaign, out, 0.8, ["clamp_mass"], [], scatter, None, keep=False, identify_anew=False)
+    command.diagnose_campaign(Run(campaign=campaign, output=out, scatter_file=scatter, console=Console(quiet=True)))
+    fit_command.fit_command(Run(campaign=campaign, output=out, scatter_file=scatter), 0.8, ["clamp_mass"])
     assert len(made) == (1 if made[0].has(("clamp_mass",)) else 2)  # where it can, it is the one that was there
     found = read_result(out / "diagnosis.json", Diagnosis)
     base, added = read_result(out / "ledger.json", Ledger).entry

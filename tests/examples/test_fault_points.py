@@ -25,6 +25,7 @@ from updating.commands.diagnose import diagnose_campaign
 from updating.commands.ema import identify_campaign
 from updating.commands.fit import fit_campaign
 from updating.commands.report import make_report
+from updating.commands.terminal import Run
 from updating.commands.update import run_update
 from updating.diagnosis.candidates import candidate_model
 from updating.errors import StoreError, WorkerError
@@ -69,7 +70,7 @@ def specification(small):
 @pytest.fixture(scope="module")
 def updated(specification, tmp_path_factory):
     """What an updating gives, computed once."""
-    return run_update(specification, tmp_path_factory.mktemp("updated"), QUIET)
+    return run_update(Run(campaign=specification, output=tmp_path_factory.mktemp("updated"), console=QUIET))
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +96,7 @@ def commands(request, numbers, small, monkeypatch):
         before = request.getfixturevalue("updated")
         with monkeypatch.context() as quick:
             quick.setattr(update_command, "joint_fit", lambda *_, **__: before)
-            run_update(request.getfixturevalue("specification"), folder, QUIET)
+            run_update(Run(campaign=request.getfixturevalue("specification"), output=folder, console=QUIET))
 
     monkeypatch.setattr(workers_module, "n_processor", lambda: 1)  # all writes are this process's
     monkeypatch.setattr(identified, "identify", lambda *_: found)
@@ -105,9 +106,11 @@ def commands(request, numbers, small, monkeypatch):
     return {
         "report": report,
         "update": update,
-        "diagnose": lambda folder: diagnose_campaign(campaign, folder, (), QUIET),
-        "fit": lambda folder: list(fit_campaign(campaign, folder, 0.8, QUIET)),
-        "ema": lambda folder: require_none(identify_campaign(campaign, folder, None, QUIET)[2], 1),
+        "diagnose": lambda folder: diagnose_campaign(Run(campaign=campaign, output=folder, console=QUIET)),
+        "fit": lambda folder: list(fit_campaign(Run(campaign=campaign, output=folder, console=QUIET))),
+        "ema": lambda folder: require_none(
+            identify_campaign(Run(campaign=campaign, output=folder, console=QUIET))[2], 1
+        ),
     }
 
 
@@ -241,8 +244,8 @@ def at_work(small, numbers, specification, monkeypatch):
 
     return {
         "report": report,
-        "update": lambda folder: run_update(specification, folder, QUIET),
-        "diagnose": lambda folder: diagnose_campaign(campaign, folder, (), QUIET),
+        "update": lambda folder: run_update(Run(campaign=specification, output=folder, console=QUIET)),
+        "diagnose": lambda folder: diagnose_campaign(Run(campaign=campaign, output=folder, console=QUIET)),
     }
 
 

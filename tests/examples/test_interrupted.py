@@ -11,6 +11,7 @@ import pytest
 from rich.console import Console
 
 from updating.commands.fit import fit_campaign
+from updating.commands.terminal import Run
 from updating.commands.update import run_update
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs signals and process groups")
@@ -77,7 +78,7 @@ def test_a_fit_that_is_stopped_three_times_goes_on_and_ends_with_the_same_bytes(
     code, _ = stopped(["fit", campaign, "-o", out], out / "C3/fit.json", signal.SIGKILL)
     assert code == -signal.SIGKILL
     assert not (out / "report.html").exists()
-    again = list(fit_campaign(campaign, out, 0.8, Console(quiet=True)))
+    again = list(fit_campaign(Run(campaign=campaign, output=out, console=Console(quiet=True))))
     assert [found.configuration.name for found, _ in again] == ["C1", "C2", "C3", "C4"]
     assert (out / "C1/fit.json").stat().st_mtime_ns == kept
     assert len(written(whole)) == 21
@@ -95,8 +96,8 @@ def test_an_updating_that_is_killed_goes_on_and_ends_with_the_same_bytes(small, 
     stopped(["update", specification, "-o", out], out / "C1/modal_model.json", signal.SIGKILL)
     assert not (out / "update.json").exists()
     kept = (out / "C1/modal_model.json").stat().st_mtime_ns
-    run_update(specification, out, Console(quiet=True))
+    run_update(Run(campaign=specification, output=out, console=Console(quiet=True)))
     assert (out / "C1/modal_model.json").stat().st_mtime_ns == kept
-    run_update(specification, tmp_path / "whole", Console(quiet=True))
+    run_update(Run(campaign=specification, output=tmp_path / "whole", console=Console(quiet=True)))
     assert (out / "update.json").exists()
     assert written(out) == written(tmp_path / "whole")

@@ -10,6 +10,7 @@ import ema
 import model
 import updating
 from updating.commands.fit import fit_campaign
+from updating.commands.terminal import Run
 from updating.fitting.fit import Fit
 from updating.results.store import folder_name, read_result
 
@@ -91,7 +92,9 @@ input = "{modes.input.name(0)}"
 pressure_kPa = {one.pressure / 1e3}
 """
     )
-    ((found, fitted),) = fit_campaign(tmp_path / "campaign.toml", tmp_path / "out", 0.8, Console(quiet=True))
+    ((found, fitted),) = fit_campaign(
+        Run(campaign=tmp_path / "campaign.toml", output=tmp_path / "out", console=Console(quiet=True))
+    )
     whole = written is tables  # the others state no scatter, so that usual ones weigh the modes
     assert files[0] in found.modal_model.read_from
     assert fitted.G_f.value == pytest.approx(expected.G_f.value, rel=1e-4 if whole else 0.02)

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from updating.commands.ema import identify_campaign
 from updating.commands.fit import fit_campaign
+from updating.commands.terminal import Run
 from updating.errors import StoreError
 from updating.report.answer import opening_section
 from updating.report.results import read_results
@@ -28,7 +29,7 @@ def fitted(small, tmp_path_factory):
     campaign = small[0].with_name("first.toml")
     campaign.write_text(text[: text.index('[[configuration]]\nname = "C2"')], encoding="utf-8")
     out = tmp_path_factory.mktemp("fitted")
-    list(fit_campaign(campaign, out, 0.8, QUIET))
+    list(fit_campaign(Run(campaign=campaign, output=out, console=QUIET)))
     return campaign, out
 
 
@@ -66,7 +67,7 @@ def test_an_edited_fit_is_left_out_or_marked(results):
     assert kept.tested[0].fit.G_f.value == pytest.approx(1.01 * true)
     assert kept.remarks == ("C1/fit.json was changed after it was written, and is used all the same (--keep).",)
     assert opening_section(kept).text == kept.remarks
-    ((_, used),) = fit_campaign(campaign, out, 0.8, QUIET, keep=True)
+    ((_, used),) = fit_campaign(Run(campaign=campaign, output=out, keep=True, console=QUIET))
     assert used.G_f.value == pytest.approx(1.01 * true)
 
 
@@ -101,7 +102,7 @@ def test_every_damaged_file_heals(results, written, name, damage):
     else:
         middle = len(content) // 2
         path.write_bytes(content[:middle] + (b"" if damage == "cut" else b"7" + content[middle + 1 :]))
-    list(fit_campaign(campaign, out, 0.8, QUIET))
+    list(fit_campaign(Run(campaign=campaign, output=out, console=QUIET)))
     # of the copy, campaign.json names the campaign by another relative path
     assert {**written(out), "campaign.json": b""} == {**before, "campaign.json": b""}
 
@@ -125,11 +126,11 @@ def test_a_fit_of_the_modes_before_poles_were_chosen_is_noticed(results, monkeyp
     """`lamella ema --poles` makes other modes beside the fit of an earlier run."""
     monkeypatch.setattr("updating.commands.ema.as_png", lambda _: b"")
     campaign, out = results
-    identify_campaign(campaign, out, None, QUIET)
+    identify_campaign(Run(campaign=campaign, output=out, console=QUIET))
     poles = out / "C1/poles.txt"
     lines = poles.read_text(encoding="utf-8").splitlines(keepends=True)
     poles.write_text("".join(lines[:-1]), encoding="utf-8")
-    identify_campaign(campaign, out, out, QUIET)
+    identify_campaign(Run(campaign=campaign, output=out, console=QUIET), out)
     found = read_results(out)
     assert found.tested[0].measured.frequency.size == sum(not line.startswith("#") for line in lines) - 1
     assert found.tested[0].fit is None

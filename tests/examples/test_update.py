@@ -11,6 +11,7 @@ from rich.console import Console
 
 from model import catalogue
 from updating.commands import update as update_command
+from updating.commands.terminal import Run
 from updating.commands.update import UpdateFile, held_out, parameter_table, read_update_file, run_update
 from updating.diagnosis.explained_model import Updated
 from updating.errors import FitError
@@ -33,7 +34,7 @@ def done(demo, tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(update_command, "joint_fit", fit)
-        return folder, run_update(SPEC, folder, Console(quiet=True))
+        return folder, run_update(Run(campaign=SPEC, output=folder, console=Console(quiet=True)))
 
 
 def test_the_shipped_file_finds_the_pressure_law(done):
@@ -112,7 +113,7 @@ def test_an_unknown_configuration_is_said_before_anything_is_identified(tmp_path
     text = SPEC.read_text(encoding="utf-8").replace('"M1", "M2"', '"M1", "M3"')
     path.write_text(text.replace("campaign.toml", str(SPEC.parent / "campaign.toml")), encoding="utf-8")
     with pytest.raises(FitError, match="'M3' is unknown; there are M1, M2"):
-        run_update(path, tmp_path / "out", Console(quiet=True))
+        run_update(Run(campaign=path, output=tmp_path / "out", console=Console(quiet=True)))
     assert not (tmp_path / "out").exists()
 
 

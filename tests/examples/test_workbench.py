@@ -16,6 +16,7 @@ from ema import read_poles
 from ema.plot import palette
 from tests.accessible import faults, settled, unreached
 from updating.commands.fit import fit_campaign
+from updating.commands.terminal import Run
 from updating.diagnosis.answer import Diagnosis
 from updating.report.files import NAMES
 from updating.report.results import read_results
@@ -54,7 +55,7 @@ def folder(tmp_path_factory, write_small_campaign):
         assert few in text
         text = text.replace(few, more)
     campaign.write_text(text, encoding="utf-8")
-    (one,) = fit_campaign(campaign, each / "out", 0.8, Console(quiet=True))
+    (one,) = fit_campaign(Run(campaign=campaign, output=each / "out", console=Console(quiet=True)))
     assert not isinstance(one, Failed)
     return campaign, each / "out"
 

@@ -15,6 +15,7 @@ from rich.console import Console
 from updating.commands.command_line import main
 from updating.commands.diagnose import diagnose_pooled
 from updating.commands.fit import fit_campaign
+from updating.commands.terminal import Run
 from updating.errors import WorkerError
 from updating.workers import workers as workers_module
 from updating.workers.workers import distribute, workers
@@ -30,7 +31,14 @@ def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_p
     found = []
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         victim = cluster.workers[0].pid
-        for one in fit_campaign(campaign, tmp_path / "out", 0.8, Console(quiet=True), cluster.scheduler_address):
+        for one in fit_campaign(
+            Run(
+                campaign=campaign,
+                output=tmp_path / "out",
+                cluster=cluster.scheduler_address,
+                console=Console(quiet=True),
+            )
+        ):
             if not found:
                 os.kill(victim, signal.SIGKILL)
             found.append(one)
@@ -42,9 +50,11 @@ def test_a_cluster_of_which_a_worker_is_killed_midway_loses_nothing(small, tmp_p
 def test_a_pooled_diagnosis_on_a_cluster_gives_the_same_bytes(tmp_path):
     distributed = pytest.importorskip("distributed")
     campaign, quiet = DATA / "hidden_effect" / "pooled_b" / "campaign.toml", Console(quiet=True)
-    diagnose_pooled(campaign, tmp_path / "here", (), quiet)
+    diagnose_pooled(Run(campaign=campaign, output=tmp_path / "here", console=quiet))
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        diagnose_pooled(campaign, tmp_path / "there", (), quiet, cluster=cluster.scheduler_address)
+        diagnose_pooled(
+            Run(campaign=campaign, output=tmp_path / "there", cluster=cluster.scheduler_address, console=quiet)
+        )
     here, there = (tmp_path / one / "pooled_diagnosis.json" for one in ("here", "there"))
     assert here.read_bytes() == there.read_bytes()
 
@@ -82,6 +92,7 @@ def test_a_killed_local_worker_is_an_error_and_so_is_what_a_task_raises(tasks, e
 STOPPED_AMIDST_A_RESULT = """
 import time
 from updating.workers.workers import workers
+from updating.commands.terminal import Run
 
 class Slow:  # to read
     def __init__(self):

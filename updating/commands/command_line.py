@@ -20,7 +20,7 @@ import typer
 from rich.text import Text
 
 from updating import commands
-from updating.commands.terminal import ERR, OUT, literal, print_what_can_be
+from updating.commands.terminal import ERR, OUT, Run, literal, print_what_can_be
 from updating.errors import LAMELLA_ERRORS, StoreError
 
 Folder = Annotated[
@@ -172,7 +172,8 @@ def ema(
     and a comparison of all configurations. To choose by hand, edit poles.txt there and run again with --poles DIR;
     every later command uses them until --identify-anew.
     """
-    commands.ema_command(campaign, output, poles, cluster, keep=keep, identify_anew=identify_anew)
+    run = Run(campaign=campaign, output=output, cluster=cluster, keep=keep, identify_anew=identify_anew)
+    commands.ema_command(run, poles)
 
 
 @app.command(epilog="Example: lamella pick data/demo_stack/campaign.toml M1 -o out/demo")
@@ -274,10 +275,11 @@ def fit(
 
     Of a campaign that lists specimens all are fitted together: effects are the rig's, contact each specimen's own.
     """
-    commands.fit_command(
-        campaign, output, threshold, effect or (), effect_file or (), scatter, cluster,
+    run = Run(
+        campaign=campaign, output=output, effect_files=tuple(effect_file or ()), scatter_file=scatter, cluster=cluster,
         keep=keep, identify_anew=identify_anew,
     )  # fmt: skip
+    commands.fit_command(run, threshold, effect or ())
 
 
 @app.command(epilog="Example: lamella update data/demo_stack/update.toml -o out/update")
@@ -296,7 +298,10 @@ def update(
     data/demo_stack/update.toml shows the keys. Writes update.json with covariance and course of the fit, ledger.json
     with the error without effects, with each and with all, and both as tables and pictures.
     """
-    commands.update_command(specification, output, effect_file or (), cluster, identify_anew=identify_anew)
+    files = tuple(effect_file or ())
+    commands.update_command(
+        Run(campaign=specification, output=output, effect_files=files, cluster=cluster, identify_anew=identify_anew)
+    )
 
 
 @app.command(epilog="Example: lamella diagnose data/hidden_effect/a/campaign.toml -o out/a")
@@ -324,10 +329,11 @@ def diagnose(
     A campaign that lists specimens is diagnosed as a whole: which effect is the rig's, which specimens are odd, and
     what a treatment changes. Writes pooled_diagnosis.json.
     """
-    commands.diagnose_command(
-        campaign, output, effect_file or (), scatter, cluster,
-        keep=keep, identify_anew=identify_anew, reference=reference,
+    run = Run(
+        campaign=campaign, output=output, effect_files=tuple(effect_file or ()), scatter_file=scatter, cluster=cluster,
+        keep=keep, identify_anew=identify_anew,
     )  # fmt: skip
+    commands.diagnose_command(run, reference=reference)
 
 
 @app.command("next-test", epilog="Example: lamella next-test data/hidden_effect/open/campaign.toml -o out/open")
@@ -342,7 +348,10 @@ def next_test(
 
     The diagnosis is made where the folder has none of this campaign.
     """
-    commands.next_test_command(campaign, output, effect_file or (), scatter, identify_anew=identify_anew)
+    files = tuple(effect_file or ())
+    commands.next_test_command(
+        Run(campaign=campaign, output=output, effect_files=files, scatter_file=scatter, identify_anew=identify_anew)
+    )
 
 
 @app.command(epilog="Example: lamella report out/demo --pdf")

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from ema.types.arrays import single_threaded
 from updating.commands.diagnose import diagnose_campaign
-from updating.commands.fit import LedgerRequest, campaign_ledger, fit_campaign
+from updating.commands.fit import campaign_ledger, fit_campaign
 from updating.commands.report import make_report
-from updating.commands.terminal import OUT
-from updating.correlation.pairing import LEAST_MAC
+from updating.commands.terminal import OUT, Run
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import FitError, StoreError
 from updating.results.identified import Failed
@@ -60,20 +59,21 @@ def _installed(name: str) -> Path:
 def demo_command(output: Path) -> None:
     """Take every step on the shipped campaign, and print what each shows."""
     campaign = shipped_data("demo_diagnosis") / "campaign.toml"
+    run = Run(campaign=campaign, output=output)
     OUT.print(
         "A vibration test of a bolted stack of 240 sheets at two torques: a shaker, two accelerometers that rove over "
         "44 points. It was simulated with noise and tolerances by a model that shares nothing with this one."
     )
-    done = [outcome for outcome in fit_campaign(campaign, output, LEAST_MAC, OUT) if not isinstance(outcome, Failed)]
+    done = [outcome for outcome in fit_campaign(run) if not isinstance(outcome, Failed)]
     modes = " and ".join(f"{result.modal_model.frequency.size} at {result.modal_model.name}" for result, _ in done)
     errors = " and ".join(f"{percent(fitted.error)} at {fitted.name}" for _, fitted in done)
     OUT.print(f"1. Identify: {modes} are the modes that the functions show.")
     OUT.print(f"2. Fit G_f and d_f: the model's frequencies are then off by {errors} in the mean.")
-    answer = diagnose_campaign(campaign, output, (), OUT)
+    answer = diagnose_campaign(run)
     OUT.print(f"3. Diagnose: {answer.sentences[0]}")
     if not answer.set:
         raise FitError(f"{campaign}: nothing was named, where lost contact was planted")
-    entries = campaign_ledger(done, LedgerRequest(effects=answer.set[0]), campaign, output)
+    entries = campaign_ledger(run, done, answer.set[0])
     before, after = entries[0], entries[-1]
     OUT.print(
         f"4. Add it: of modes that were fitted the error falls from {percent(before.error)} to {percent(after.error)}, "

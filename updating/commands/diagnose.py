@@ -8,15 +8,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
 from ema import Campaign, Change, change_sentence, read_campaign
 from ema.campaign.campaign_file import repeats_of
 from ema.types.arrays import single_threaded
 from model import Stack, catalogue, find_effects, read_matrices, read_stack
 from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
-from updating.commands.terminal import MOST_EXPLANATIONS, OUT, print_lines, print_results, progress
+from updating.commands.terminal import MOST_EXPLANATIONS, OUT, Run, print_lines, print_results, progress
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES, instruments_of
@@ -57,15 +55,7 @@ def changed_names(campaign: Campaign) -> frozenset[str]:
     return frozenset(repeats_of(campaign.configurations, names))
 
 
-def diagnose_changes(
-    campaign_file: Path,
-    output: Path,
-    console: Console,
-    *,
-    scatter_file: Path | None = None,
-    cluster: str | None = None,
-    keep: bool = False,
-) -> tuple[WhatChanged, ...]:
+def diagnose_changes(run: Run) -> tuple[WhatChanged, ...]:
     """Say of every configuration that has a reference whether it changed, and, with a model, what and where.
 
     Writes change.json and what_changed.json beside the modes of each; those that an earlier run left are read back.
@@ -75,8 +65,8 @@ def diagnose_changes(
     FitError
         A state and its reference are not of one height, or no state can be compared.
     """
-    campaign = read_campaign(campaign_file)
-    tests = every_identified(assignments(campaign, output, keep=keep), "identify", console, cluster)
+    campaign, console = read_campaign(run.campaign), run.console
+    tests = every_identified(assignments(campaign, run.output, keep=run.keep), "identify", console, run.cluster)
     changes, lost = compared(campaign, tests)
     changes = tuple(sorted(changes, key=lambda change: not change.changed))
     print_lines(console, lost, indent="")
@@ -86,23 +76,26 @@ def diagnose_changes(
         what = 'stack = "stack.toml" under [structure]' if campaign.stack is None else "file under [points]"
         console.print(f"What changed, and where, takes a model: add {what}.")
         return ()
-    models = _Models(campaign, tests, None if scatter_file is None else read_scatter(scatter_file))
-    stated = () if scatter_file is None else (scatter_file,)
-    answers = []
+    models = _Models(campaign, tests, _scatter(run))
     stack_file = campaign.stack
     named = matrices_inputs(stack_file) if is_structure_file(stack_file) else stack_inputs(stack_file)
-    inputs = (campaign_file, *named, *stated)
+    answers = []
     for change in changes:
         console.print(f"{change_sentence(change)}.")
         try:
             with progress(f"what changed in {change.name}", console):
-                answer = models.kept(change, inputs, keep=keep)
+                answer = models.kept(change, (run.campaign, *named, *run.stated), keep=run.keep)
         except FitError as error:
             console.print(f"{change.name}, what and where: {error}")
             continue
         print_lines(console, answer.sentences)
         answers.append(answer)
     return tuple(answers)
+
+
+def _scatter(run: Run) -> DiagnosisScatter | None:
+    """Return what a laboratory states of its scatter; None where it states nothing."""
+    return None if run.scatter_file is None else read_scatter(run.scatter_file)
 
 
 class _Models:
@@ -169,135 +162,82 @@ class _Models:
 
 
 @single_threaded
-def diagnose_command(
-    campaign: Path,
-    output: Path,
-    effect_file: Sequence[Path],
-    scatter: Path | None,
-    cluster: str | None,
-    *,
-    keep: bool,
-    identify_anew: bool,
-    reference: bool,
-) -> None:
+def diagnose_command(run: Run, *, reference: bool) -> None:
     """Diagnose what a campaign file lists, and print the answer."""
-    if identify_anew:
-        forget_choices(output)
-    if has_specimens(campaign):
-        pooled = diagnose_pooled(campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster)
-        print_pooled(pooled, output, OUT)
+    if run.identify_anew:
+        forget_choices(run.output)
+    if has_specimens(run.campaign):
+        print_pooled(diagnose_pooled(run), run.output)
         return
-    if not reference and changed_names(read_campaign(campaign)):
-        diagnose_changes(campaign, output, OUT, scatter_file=scatter, cluster=cluster, keep=keep)
-        print_results(OUT, output)
+    if not reference and changed_names(read_campaign(run.campaign)):
+        diagnose_changes(run)
+        print_results(OUT, run.output)
         return
-    diagnosis = diagnose_campaign(campaign, output, effect_file, OUT, scatter_file=scatter, cluster=cluster, keep=keep)
+    diagnosis = diagnose_campaign(run)
     print_lines(OUT, diagnosis.sentences, indent="")
     OUT.print(diagnosis_table(diagnosis))
-    print_measurement_findings(campaign, output, keep=keep)
-    options = [("--effect-file", str(path)) for path in effect_file]
-    options += [] if scatter is None else [("--scatter", str(scatter))]
-    added = next_command(diagnosis, str(campaign), str(output), options)
+    print_measurement_findings(run)
+    options = [("--effect-file", str(path)) for path in run.effect_files]
+    options += [] if run.scatter_file is None else [("--scatter", str(run.scatter_file))]
+    added = next_command(diagnosis, str(run.campaign), str(run.output), options)
     if added is not None:
         OUT.print(f"Add it and see the error fall: {added}", soft_wrap=True)
-    print_results(OUT, output)
+    print_results(OUT, run.output)
 
 
-def diagnose_campaign(
-    campaign_file: Path,
-    output: Path,
-    effect_files: Sequence[Path],
-    console: Console,
-    *,
-    scatter_file: Path | None = None,
-    asked: Sequence[Sequence[str]] = (),
-    cluster: str | None = None,
-    keep: bool = False,
-) -> Diagnosis:
+def diagnose_campaign(run: Run, asked: Sequence[Sequence[str]] = ()) -> Diagnosis:
     """Identify a campaign, diagnose its model, and write diagnosis.json.
 
-    What an earlier run left is read back, unless it lacks explanations that are asked for; with `keep`, whatever it
-    came from.
+    What an earlier run left is read back, unless it lacks explanations that are asked for.
     """
-    scatter = None if scatter_file is None else read_scatter(scatter_file)
-    campaign = read_campaign(campaign_file)
+    campaign = read_campaign(run.campaign)
     stack_file = model_file(campaign, "a diagnosis")
-    if is_structure_file(stack_file):
-        return _diagnose_matrices(campaign, stack_file, output, scatter_file, asked, keep=keep)
-    stack, known = read_stack(stack_file), catalogue(effect_files)
-    changed = changed_names(campaign)  # what a change did to a state is no effect that the model lacks
-    states = [stack_in_state(stack, c) for c in campaign.configurations if c.name not in changed]
-    heights = {state.height for state in states}
+    stack = None if is_structure_file(stack_file) else read_stack(stack_file)
+    # what a change did to a state is no effect that a stack lacks
+    changed = frozenset() if stack is None else changed_names(campaign)
+    states = (
+        [] if stack is None else [stack_in_state(stack, c) for c in campaign.configurations if c.name not in changed]
+    )
+    heights = sorted({state.height for state in states})
     if len(heights) > 1:
-        listed = " and ".join(f"{1e3 * height:g}" for height in sorted(heights))
-        raise FitError(f"{campaign_file}: a diagnosis is of one stack; give the heights {listed} mm a campaign each")
-    assigned = [
-        assignment
-        for assignment in assignments(campaign, output, keep=keep)
-        if assignment.configuration.name not in changed
-    ]
-    tests = every_identified(assigned, "identify", console, cluster)
-    _require_force(campaign_file, tests)
-    over = [over_amplitude(assignment, test) for assignment, test in zip(assigned, tests, strict=True)]
-    tested, levels = by_level(states, tests, over)
-
-    def make() -> Diagnosis:
-        with workers(MESSAGES, cluster) as executor, progress("diagnose", console):
-            return diagnose_stack(
-                replace(stack, height=states[0].height),
-                tested,
-                known,
-                scatter=scatter,
-                executor=executor,
-                reduced=cached_model,
-                asked=asked,
-                levels=levels,
-            )
-
-    modal = [test.folder / "modal_model.json" for test in tests]
-    modal += [test.folder / AMPLITUDE for test, amplitude in zip(tests, over, strict=True) if amplitude is not None]
-    stated = () if scatter_file is None else (scatter_file,)
-    inputs = (campaign_file, *stack_inputs(stack_file), *effect_files, *stated, *modal)
-    path = output / "diagnosis.json"
-    return _kept(path, make, inputs, asked, keep=keep)
+        listed = " and ".join(f"{1e3 * height:g}" for height in heights)
+        raise FitError(f"{run.campaign}: a diagnosis is of one stack; give the heights {listed} mm a campaign each")
+    assigned = [a for a in assignments(campaign, run.output, keep=run.keep) if a.configuration.name not in changed]
+    tests = every_identified(assigned, "identify", run.console, run.cluster)
+    make: Callable[[], Diagnosis]
+    if stack is None:
+        make, files = partial(_diagnosed_matrices, run, stack_file, tests, asked), matrices_inputs(stack_file)
+    else:
+        _require_force(run.campaign, tests)
+        over = [over_amplitude(assignment, test) for assignment, test in zip(assigned, tests, strict=True)]
+        make = partial(_diagnosed_stack, run, replace(stack, height=heights[0]), by_level(states, tests, over), asked)
+        followed = (t.folder / AMPLITUDE for t, amplitude in zip(tests, over, strict=True) if amplitude is not None)
+        files = (*stack_inputs(stack_file), *followed)
+    modal = (test.folder / "modal_model.json" for test in tests)
+    inputs, path = (run.campaign, *files, *run.stated, *modal), run.output / "diagnosis.json"
+    diagnosis = kept(path, Diagnosis, make, inputs=inputs, options={}, keep=run.keep)
+    if not all(diagnosis.has(effects) for effects in asked):
+        diagnosis = make()
+        write_result(path, diagnosis, inputs=inputs, options={})
+    return diagnosis
 
 
-def _diagnose_matrices(
-    campaign: Campaign,
-    file: Path,
-    output: Path,
-    scatter_file: Path | None,
-    asked: Sequence[Sequence[str]],
-    *,
-    keep: bool,
+def _diagnosed_stack(
+    run: Run, stack: Stack, tested: tuple[list[Campaigned], dict[str, AtLevel]], asked: Sequence[Sequence[str]]
 ) -> Diagnosis:
-    """Identify a campaign whose model is a structure of matrices, diagnose that, and write diagnosis.json."""
+    with workers(MESSAGES, run.cluster) as executor, progress("diagnose", run.console):
+        return diagnose_stack(
+            stack, tested[0], catalogue(run.effect_files), scatter=_scatter(run), executor=executor,
+            reduced=cached_model, asked=asked, levels=tested[1],
+        )  # fmt: skip
+
+
+def _diagnosed_matrices(run: Run, file: Path, tests: Sequence[Identified], asked: Sequence[Sequence[str]]) -> Diagnosis:
     from updating.diagnosis.matrices_answer import diagnose_matrices
 
-    tests = every_identified(assignments(campaign, output, keep=keep), "identify", OUT)
     tested = [(test.configuration.name, test.modal_model) for test in tests]
-
-    def make() -> Diagnosis:
-        with progress("diagnose", OUT):
-            scatter = None if scatter_file is None else read_scatter(scatter_file)
-            return diagnose_matrices(read_matrices(file), tested, scatter=scatter, asked=asked)
-
-    stated = () if scatter_file is None else (scatter_file,)
-    modal = [test.folder / "modal_model.json" for test in tests]
-    inputs = (campaign.path, *matrices_inputs(file), *stated, *modal)
-    return _kept(output / "diagnosis.json", make, inputs, asked, keep=keep)
-
-
-def _kept(
-    path: Path, make: Callable[[], Diagnosis], inputs: tuple[Path, ...], asked: Sequence[Sequence[str]], *, keep: bool
-) -> Diagnosis:
-    """Return the diagnosis that an earlier run left, or make it where there is none or it lacks what is asked for."""
-    diagnosis = kept(path, Diagnosis, make, inputs=inputs, options={}, keep=keep)
-    if all(diagnosis.has(effects) for effects in asked):
-        return diagnosis
-    diagnosis = make()
-    write_result(path, diagnosis, inputs=inputs, options={})
-    return diagnosis
+    with progress("diagnose", run.console):
+        return diagnose_matrices(read_matrices(file), tested, scatter=_scatter(run), asked=asked)
 
 
 def _require_force(campaign_file: Path, tests: Sequence[Identified]) -> None:
@@ -332,9 +272,10 @@ def by_level(
     return tested, levels
 
 
-def print_measurement_findings(campaign_file: Path, output: Path, *, keep: bool = False) -> None:
+def print_measurement_findings(run: Run) -> None:
     """Print the findings about the measurement on which an answer rests."""
-    results = every_identified(assignments(read_campaign(campaign_file), output, keep=keep), "identify", OUT)
+    assigned = assignments(read_campaign(run.campaign), run.output, keep=run.keep)
+    results = every_identified(assigned, "identify", OUT)
     followed = [result.configuration.name for result in results if stored_amplitude(result) is not None]
     print_lines(OUT, measurement_findings(results, followed), indent="")
 
@@ -356,14 +297,12 @@ def diagnosis_table(diagnosis: Diagnosis) -> Table:
 
 
 @single_threaded
-def next_test_command(
-    campaign: Path, output: Path, effect_file: Sequence[Path], scatter: Path | None, *, identify_anew: bool
-) -> None:
+def next_test_command(run: Run) -> None:
     """Print further tests, those first that separate best what a diagnosis leaves open."""
-    if identify_anew:
-        forget_choices(output)
-    read_stack(model_file(read_campaign(campaign), "a further test"))  # tests are of stacks
-    diagnosis = diagnose_campaign(campaign, output, effect_file, OUT, scatter_file=scatter)
+    if run.identify_anew:
+        forget_choices(run.output)
+    read_stack(model_file(read_campaign(run.campaign), "a further test"))  # tests are of stacks
+    diagnosis = diagnose_campaign(run)
     if not diagnosis.next_tests:
         OUT.print(f"Nothing to separate: the verdict is {diagnosis.verdict!r}.")
     else:
@@ -371,7 +310,7 @@ def next_test_command(
     further = second_level_text(diagnosis)
     if further is not None:
         OUT.print(further)
-    print_measurement_findings(campaign, output)
+    print_measurement_findings(run)
 
 
 def next_test_table(diagnosis: Diagnosis) -> Table:
@@ -380,63 +319,45 @@ def next_test_table(diagnosis: Diagnosis) -> Table:
     return Table("Further tests", ("test", "smallest distance", "now"), rows)
 
 
-def diagnose_pooled(
-    campaign_file: Path,
-    output: Path,
-    effect_files: Sequence[Path],
-    console: Console,
-    *,
-    fitted: Sequence[str] | None = None,
-    scatter_file: Path | None = None,
-    cluster: str | None = None,
-) -> PooledDiagnosis:
+def diagnose_pooled(run: Run, fitted: Sequence[str] | None = None) -> PooledDiagnosis:
     """Diagnose all specimens of a campaign together, or fit effects of the rig to them, and write the answer.
 
-    What an earlier run left in pooled_diagnosis.json, or in pooled_fit.json, is read back.
+    FRFs are identified first, in parallel. What an earlier run left is read back.
 
     Parameters
     ----------
-    campaign_file, output : Path
-        The campaign and the folder for its results.
-    effect_files : sequence of Path
-        Files with effects of the user.
-    console : Console
-        Where progress is shown.
+    run : Run
+        What to diagnose.
     fitted : sequence of str, optional
-        Effects to fit; without them, all are asked about.
-    scatter_file : Path, optional
-        What a laboratory knows of what separates a right model from a right measurement.
-    cluster : str, optional
-        Address of a Dask scheduler.
+        Effects of the rig that are fitted, one after the other; the catalogue is searched by default.
     """
-    known, asked = catalogue(effect_files), fitted is not None
+    known = catalogue(run.effect_files)
     effects = known if fitted is None else {effect.name: effect for effect in find_effects(fitted, known)}
-    scatter = None if scatter_file is None else read_scatter(scatter_file)
-    campaign = read_specimens(campaign_file)
-    assigned = () if campaign.measured is None else assignments(campaign.measured, output)
-    tests = every_identified(assigned, "identify", console, cluster) if assigned else ()
+    campaign = read_specimens(run.campaign)
+    assigned = () if campaign.measured is None else assignments(campaign.measured, run.output)
+    tests = every_identified(assigned, "identify", run.console, run.cluster) if assigned else ()
     by_name = {test.configuration.name: test.modal_model for test in tests}
     specimens = specimens_of(campaign, by_name.__getitem__)
+    asked = fitted is not None
 
     def make() -> PooledDiagnosis:
-        with workers(MESSAGES, cluster) as executor, progress("fit" if asked else "diagnose", console):
+        with workers(MESSAGES, run.cluster) as executor, progress("fit" if asked else "diagnose", run.console):
             return diagnose_specimens(
-                campaign.name, specimens, effects, asked=asked, scatter=scatter, executor=executor, reduced=cached_model
-            )
+                campaign.name, specimens, effects, asked=asked, scatter=_scatter(run), executor=executor,
+                reduced=cached_model,
+            )  # fmt: skip
 
-    stated = () if scatter_file is None else (scatter_file,)
-    inputs = (*campaign.inputs, *(test.folder / "modal_model.json" for test in tests), *effect_files, *stated)
-    path = output / ("pooled_fit.json" if asked else "pooled_diagnosis.json")
-    options = {"effects": list(effects)} if asked else {}
-    return kept(path, PooledDiagnosis, make, inputs=inputs, options=options)
+    inputs = (*campaign.inputs, *(test.folder / "modal_model.json" for test in tests), *run.stated)
+    path = run.output / ("pooled_fit.json" if asked else "pooled_diagnosis.json")
+    return kept(path, PooledDiagnosis, make, inputs=inputs, options={"effects": list(effects)} if asked else {})
 
 
-def print_pooled(diagnosis: PooledDiagnosis, output: Path, console: Console) -> None:
+def print_pooled(diagnosis: PooledDiagnosis, output: Path) -> None:
     """Print the answer, the explanations and the specimens."""
-    print_lines(console, diagnosis.sentences, indent="")
-    console.print(pooled_table(diagnosis))
-    console.print(Table("Specimens", SPECIMEN_HEADER, [specimen_row(specimen) for specimen in diagnosis.specimens]))
-    print_results(console, output)
+    print_lines(OUT, diagnosis.sentences, indent="")
+    OUT.print(pooled_table(diagnosis))
+    OUT.print(Table("Specimens", SPECIMEN_HEADER, [specimen_row(specimen) for specimen in diagnosis.specimens]))
+    print_results(OUT, output)
 
 
 def pooled_table(diagnosis: PooledDiagnosis) -> Table:

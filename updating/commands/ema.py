@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from ema import (
     Campaign,
@@ -40,7 +39,7 @@ from ema.plot.figures import (
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
 from lamella_arrays import Reals
-from updating.commands.terminal import OUT, print_lines, print_results
+from updating.commands.terminal import OUT, Run, print_lines, print_results
 from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (
     Assignment,
@@ -59,13 +58,11 @@ from updating.workers.workers import in_parallel
 
 
 @single_threaded
-def ema_command(
-    campaign: Path, output: Path, poles: Path | None, cluster: str | None, *, keep: bool, identify_anew: bool
-) -> None:
+def ema_command(run: Run, poles: Path | None) -> None:
     """Identify every configuration of a campaign, and print modes, comparison and findings."""
-    if identify_anew:
-        forget_choices(output)
-    results, comparison, failed = identify_campaign(campaign, output, poles, OUT, cluster, keep=keep)
+    if run.identify_anew:
+        forget_choices(run.output)
+    results, comparison, failed = identify_campaign(run, poles)
     for result in results:
         OUT.print(modes_table(result.modal_model, result.quality.explained))
         print_lines(OUT, result.quality.findings)
@@ -75,33 +72,25 @@ def ema_command(
         contradictions = repeats([result.configuration for result in results], comparison)
         print_lines(OUT, [repeat.finding for repeat in contradictions])
     print_lines(OUT, campaign_findings(results))
-    print_changes(read_campaign(campaign), results)
+    print_changes(read_campaign(run.campaign), results)
     if results:
-        print_results(OUT, output)
+        print_results(OUT, run.output)
     require_none(failed, len(results) + len(failed))
 
 
 def identify_campaign(
-    campaign_file: Path,
-    output: Path,
-    poles: Path | None,
-    console: Console,
-    cluster: str | None = None,
-    *,
-    keep: bool = False,
+    run: Run, poles: Path | None = None
 ) -> tuple[tuple[Identified, ...], Comparison | None, tuple[Failed, ...]]:
     """Identify every configuration of a campaign, write each result as soon as it is there, and compare them.
 
     Configurations that an earlier run left are read back; one that cannot be identified does not end the others.
 
     With `poles`, the folder of earlier results, its poles.txt files take the place of the automatic choice, now and in
-    every later command on these results. With
-    `keep`, results that are there are used whatever they came from.
+    every later command on these results.
     """
-    campaign = read_campaign(campaign_file)
-    assigned = assignments(campaign, output, poles, keep=keep)
-    task = partial(attempted, _identify)
-    outcomes = tuple(in_parallel(task, assigned, "identify", console, cluster))
+    campaign, output = read_campaign(run.campaign), run.output
+    assigned = assignments(campaign, output, poles, keep=run.keep)
+    outcomes = tuple(in_parallel(partial(attempted, _identify), assigned, "identify", run.console, run.cluster))
     results = tuple(outcome for outcome in outcomes if not isinstance(outcome, Failed))
     failed = tuple(outcome for outcome in outcomes if isinstance(outcome, Failed))
     if not results:

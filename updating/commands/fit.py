@@ -7,12 +7,11 @@ some tenths of a second to load.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from ema import ModalModel, read_campaign
 from ema.types.arrays import single_threaded
@@ -21,8 +20,9 @@ from model import Effect, Modes, Stack, catalogue, find_effects, printed_effects
 from model.matrices.structure_file import is_structure_file
 from model.stack.stack_file import stack_inputs
 from updating import commands
-from updating.commands.terminal import OUT, print_lines, progress
+from updating.commands.terminal import OUT, Run, print_lines, progress
 from updating.correlation.correlation import correlate
+from updating.correlation.pairing import LEAST_MAC
 from updating.fitting.fit import Fit, ModelFit, model_file, specimen_name, stack_in_state
 from updating.fitting.fit import fit as fit_configuration
 from updating.pooled.campaign_file import has_specimens
@@ -45,34 +45,20 @@ from updating.workers.workers import in_parallel, workers
 
 
 @single_threaded
-def fit_command(
-    campaign: Path,
-    output: Path,
-    threshold: float,
-    effect: Sequence[str],
-    effect_file: Sequence[Path],
-    scatter: Path | None,
-    cluster: str | None,
-    *,
-    keep: bool,
-    identify_anew: bool,
-) -> None:
+def fit_command(run: Run, threshold: float, effect: Sequence[str]) -> None:
     """Identify and fit what a campaign file lists, and print what came of it."""
-    known = catalogue(effect_file)
-    if not _of_matrices(campaign):
+    known = catalogue(run.effect_files)
+    if not _of_matrices(run.campaign):
         find_effects(effect, known)  # before hours of work
-    if identify_anew:
-        forget_choices(output)
-    if has_specimens(campaign):
+    if run.identify_anew:
+        forget_choices(run.output)
+    if has_specimens(run.campaign):
         from updating.commands.diagnose import diagnose_pooled, print_pooled
 
-        pooled = diagnose_pooled(
-            campaign, output, effect_file, OUT, fitted=effect, scatter_file=scatter, cluster=cluster
-        )
-        print_pooled(pooled, output, OUT)
+        print_pooled(diagnose_pooled(run, effect), run.output)
         return
     fits, done, failed = [], list[Identified](), []
-    for outcome in fit_campaign(campaign, output, threshold, OUT, cluster, keep=keep):
+    for outcome in fit_campaign(run, threshold):
         if isinstance(outcome, Failed):
             failed.append(outcome)
             continue
@@ -84,30 +70,21 @@ def fit_command(
             fits.append(outcome)
     print_lines(OUT, campaign_findings(done))
     if fits and effect:
-        request = LedgerRequest(effects=tuple(effect), effect_files=tuple(effect_file), scatter_file=scatter)
-        OUT.print(ledger_table(campaign_ledger(fits, request, campaign, output, cluster), known))
+        OUT.print(ledger_table(campaign_ledger(run, fits, tuple(effect)), known))
     if done:
-        OUT.print(f"Report: {commands.make_report(output, keep=keep)}")
+        OUT.print(f"Report: {commands.make_report(run.output, keep=run.keep)}")
     require_none(failed, len(done) + len(failed))
 
 
-def fit_campaign(
-    campaign_file: Path,
-    output: Path,
-    threshold: float,
-    console: Console,
-    cluster: str | None = None,
-    *,
-    keep: bool = False,
-) -> Iterator[tuple[Identified, ModelFit] | Failed]:
+def fit_campaign(run: Run, threshold: float = LEAST_MAC) -> Iterator[tuple[Identified, ModelFit] | Failed]:
     """Identify and fit every configuration of a campaign, write each result as soon as it is there, and hand it on.
 
-    Configurations that an earlier run left are read back; one of which nothing comes does not end the others.
-    With `keep`, results that are there are used whatever they came from.
+    A configuration of which nothing comes is handed on as `Failed`. What an earlier run left is read back. `threshold`
+    is the smallest MAC that makes a pair of modes.
     """
-    campaign = read_campaign(campaign_file)
+    campaign = read_campaign(run.campaign)
     stack_file = model_file(campaign, "a fit")
-    assigned = assignments(campaign, output, keep=keep)
+    assigned = assignments(campaign, run.output, keep=run.keep)
     task: Callable[[Assignment], tuple[Identified, ModelFit]]
     if is_structure_file(stack_file):
         from updating.commands.model import identify_and_fit_matrices
@@ -115,7 +92,7 @@ def fit_campaign(
         task = partial(identify_and_fit_matrices, stack_file, threshold)
     else:
         task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
-    yield from in_parallel(partial(attempted, task), assigned, "identify and fit", console, cluster)
+    yield from in_parallel(partial(attempted, task), assigned, "identify and fit", run.console, run.cluster)
 
 
 def _identify_and_fit(
@@ -134,21 +111,8 @@ def _identify_and_fit(
     return result, fitted
 
 
-@dataclass(frozen=True, kw_only=True)
-class LedgerRequest:
-    """Effects that are to be added, with the files that they and what a laboratory knows are in."""
-
-    effects: tuple[str, ...]
-    effect_files: tuple[Path, ...] = ()
-    scatter_file: Path | None = None
-
-
 def campaign_ledger(
-    fits: Sequence[tuple[Identified, ModelFit]],
-    request: LedgerRequest,
-    campaign: Path,
-    output: Path,
-    cluster: str | None = None,
+    run: Run, fits: Sequence[tuple[Identified, ModelFit]], effects: tuple[str, ...]
 ) -> tuple[Entry, ...]:
     """Fit effects that all configurations of a campaign share, and write ledger.json and ledger.csv.
 
@@ -158,21 +122,18 @@ def campaign_ledger(
     from updating.commands.diagnose import diagnose_campaign
     from updating.pooled.joint_fit import entry_of
 
-    effects = request.effects
     heights = {fitted.stack.height for _, fitted in fits if isinstance(fitted, Fit)}
     if len(heights) < 2:
         together = [*((name,) for name in effects), *([effects] if len(effects) > 1 else [])]
-        diagnosis = diagnose_campaign(
-            campaign, output, request.effect_files, OUT, scatter_file=request.scatter_file, asked=together
-        )
+        diagnosis = diagnose_campaign(replace(run, cluster=None, keep=False), together)
         entries = tuple(entry_of(diagnosis.ranked(names)) for names in ((), *together))
     else:
-        added = find_effects(effects, catalogue(request.effect_files))
+        added = find_effects(effects, catalogue(run.effect_files))
         stacks = [(result, fitted) for result, fitted in fits if isinstance(fitted, Fit)]
-        stack = read_stack(model_file(read_campaign(campaign), "a fit"))
-        entries = _together(_by_height(stacks, stack, heights), added, cluster)
+        stack = read_stack(model_file(read_campaign(run.campaign), "a fit"))
+        entries = _together(_by_height(stacks, stack, heights), added, run.cluster)
     modal = (result.folder / "modal_model.json" for result, _ in fits)
-    write_ledger(entries, {"effects": list(effects)}, (campaign, *request.effect_files, *modal), output)
+    write_ledger(entries, {"effects": list(effects)}, (run.campaign, *run.effect_files, *modal), run.output)
     return entries
 
 

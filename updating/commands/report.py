@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ema.types.arrays import single_threaded
-from updating.commands.terminal import OUT
+from updating.commands.terminal import OUT, Run
 from updating.errors import StoreError
 from updating.report.results import read_results
 from updating.results.identified import forget_choices
@@ -75,9 +75,8 @@ def open_command(path: Path, output: Path | None, port: int, *, browser: bool, i
 
     def make(campaign: Path, folder: Path) -> None:
         from updating.commands.fit import fit_campaign
-        from updating.correlation.pairing import LEAST_MAC
 
-        for _ in fit_campaign(campaign, folder, LEAST_MAC, OUT):
+        for _ in fit_campaign(Run(campaign=campaign, output=folder)):
             pass
 
     def ready(address: str) -> None:

@@ -7,6 +7,7 @@ import logging
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -133,3 +134,42 @@ def bar(console: Console) -> Progress:
         TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
         console=console, transient=True,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What a command is asked to work on, and how.
+
+    Attributes
+    ----------
+    campaign : Path
+        Campaign file; of `lamella update` the updating file, which names these.
+    output : Path
+        Folder of the results.
+    effect_files : tuple of Path
+        Files of effects that the catalogue lacks.
+    scatter_file : Path, optional
+        What a laboratory states of its scatter.
+    cluster : str, optional
+        Address of a Dask scheduler; by default the processors of this machine work.
+    keep : bool
+        Whether results that an earlier run left are used whatever they come from.
+    identify_anew : bool
+        Whether poles that were chosen by hand are forgotten.
+    console : Console
+        Where progress is shown.
+    """
+
+    campaign: Path
+    output: Path
+    effect_files: tuple[Path, ...] = ()
+    scatter_file: Path | None = None
+    cluster: str | None = None
+    keep: bool = False
+    identify_anew: bool = False
+    console: Console = OUT
+
+    @property
+    def stated(self) -> tuple[Path, ...]:
+        """Files beside the campaign's that an answer depends on."""
+        return self.effect_files if self.scatter_file is None else (*self.effect_files, self.scatter_file)

@@ -11,7 +11,6 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
-from rich.console import Console
 
 import model
 from ema import read_campaign
@@ -22,7 +21,7 @@ from lamella_shared import read_form
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import by_level, changed_names
 from updating.commands.fit import ledger_table
-from updating.commands.terminal import OUT, print_lines, progress
+from updating.commands.terminal import OUT, Run, print_lines, progress
 from updating.diagnosis.cached_model import cached_model
 from updating.diagnosis.candidates import MESSAGES
 from updating.diagnosis.evidence import DiagnosisScatter
@@ -155,52 +154,42 @@ def read_update_file(path: Path) -> UpdateFile:
 
 
 @single_threaded
-def update_command(
-    specification: Path, output: Path, effect_file: Sequence[Path], cluster: str | None, *, identify_anew: bool
-) -> None:
+def update_command(run: Run) -> None:
     """Fit what an updating file says, and print parameters and ledger."""
-    if identify_anew:
-        forget_choices(output)
-    updated = run_update(specification, output, OUT, effect_file, cluster)
+    if run.identify_anew:
+        forget_choices(run.output)
+    updated = run_update(run)
     OUT.print(parameter_table(updated.fit))
-    OUT.print(ledger_table(updated.ledger, model.catalogue(effect_file)))
-    OUT.print(f"Results in {output}")
+    OUT.print(ledger_table(updated.ledger, model.catalogue(run.effect_files)))
+    OUT.print(f"Results in {run.output}")
 
 
-def run_update(
-    path: Path, output: Path, console: Console, effect_files: Sequence[Path] = (), cluster: str | None = None
-) -> Updated:
+def run_update(run: Run) -> Updated:
     """Do what an updating file says and write update.json, ledger.json and tables and pictures of both.
 
     Raises
     ------
     FitError
-        The file or a campaign is not as it should be, or the fit fails.
+        The file is wrong, or what it asks for cannot be fitted.
     """
-    given = read_update_file(path)
-    effects = {e.name: e for e in model.find_effects(given.effects, model.catalogue(effect_files))}
-    inputs = [path, *effect_files]
+    given = read_update_file(run.campaign)
+    known = model.catalogue(run.effect_files)
+    effects = {e.name: e for e in model.find_effects(given.effects, known)}
+    inputs = [run.campaign, *run.effect_files]
     tested: list[_Tested] = []
     for section in given.campaign:
-        stacks, files = _tested(path, section, given, output, console, cluster)
+        stacks, files = _tested(run, section, given)
         tested += stacks
         inputs += files
     labels = [label for test in tested for label in test.labels]
     sizes = [modes.frequency.size for test in tested for _, _, modes in test.specimen.tested]
     settings = given.settings(held_out(given, dict(zip(labels, sizes, strict=True))))
-    with workers(MESSAGES, cluster) as executor, progress("fit", console):
+    with workers(MESSAGES, run.cluster) as executor, progress("fit", run.console):
         result = joint_fit(
-            given.name,
-            [test.specimen for test in tested],
-            effects,
-            settings,
-            labels=labels,
-            known=model.catalogue(effect_files),
-            levels=tested[0].levels if len(tested) == 1 else None,
-            executor=executor,
-            reduced=cached_model,
-        )
-    _write(result, tuple(inputs), given, output)
+            given.name, [test.specimen for test in tested], effects, settings, labels=labels, known=known,
+            levels=tested[0].levels if len(tested) == 1 else None, executor=executor, reduced=cached_model,
+        )  # fmt: skip
+    _write(result, tuple(inputs), given, run.output)
     return result
 
 
@@ -233,46 +222,35 @@ def parameter_table(fit: JointFit) -> Table:
     return Table("Fitted together", ("parameter", "of", "value", "std", "95 %", ""), rows, errors)
 
 
-def _tested(
-    path: Path, section: CampaignSection, given: UpdateFile, output: Path, console: Console, cluster: str | None
-) -> tuple[list[_Tested], list[Path]]:
+def _tested(run: Run, section: CampaignSection, given: UpdateFile) -> tuple[list[_Tested], list[Path]]:
     """Return the stacks of one campaign with what was identified, and the files that they come from."""
-    file, several = path.parent / section.file, len(given.campaign) > 1
+    file, several = run.campaign.parent / section.file, len(given.campaign) > 1
     campaign = read_campaign(file)
     stack_file = model_file(campaign, "a fit")
     name = section.name or campaign.name
-    changed = changed_names(campaign)  # what a change did to a state is no effect that the model lacks
     known = [c.name for c in campaign.configurations]
-    chosen = _chosen(path, section, known, [c for c in known if c not in changed])
+    changed = changed_names(campaign)  # what a change did to a state is no effect that the model lacks
+    if section.configurations is not None:
+        require_known(f"{run.campaign}: configuration of {section.file}:", section.configurations, known)
+    chosen = section.configurations or [c for c in known if c not in changed]
     stack = model.read_stack(stack_file)
     configurations = tuple(c for c in campaign.configurations if c.name in chosen)
     states = [stack_in_state(stack, c) for c in configurations]
-    campaign_output = output / folder_name(name) if several else output
-    assigned = assignments(replace(campaign, configurations=configurations), campaign_output)
-    tests = every_identified(assigned, f"identify {name}", console, cluster)
+    output = run.output / folder_name(name) if several else run.output
+    assigned = assignments(replace(campaign, configurations=configurations), output)
+    tests = every_identified(assigned, f"identify {name}", run.console, run.cluster)
     over = [over_amplitude(assignment, test) for assignment, test in zip(assigned, tests, strict=True)]
-    print_lines(console, measurement_findings(tests), indent="")
+    print_lines(run.console, measurement_findings(tests), indent="")
     heights = sorted({state.height for state in states})
     stacks = []
     for height in heights:
         here = [i for i, state in enumerate(states) if state.height == height]
         of_height, levels = by_level([states[i] for i in here], [tests[i] for i in here], [over[i] for i in here])
-        specimen = Specimen(
-            name=specimen_name(name, height, heights), stack=replace(stack, height=height), tested=tuple(of_height)
-        )
+        of_stack, whole = specimen_name(name, height, heights), replace(stack, height=height)
         labels = tuple(f"{name}/{label}" if several else label for label, _, _ in of_height)
-        stacks.append(_Tested(specimen, labels, levels))
+        stacks.append(_Tested(Specimen(name=of_stack, stack=whole, tested=tuple(of_height)), labels, levels))
     modal = [test.folder / "modal_model.json" for test in tests]
     return stacks, [file, *stack_inputs(stack_file), *modal]
-
-
-def _chosen(
-    path: Path, section: CampaignSection, known: Sequence[str], usual: Sequence[str] | None = None
-) -> Sequence[str]:
-    if section.configurations is None:
-        return known if usual is None else usual
-    require_known(f"{path}: configuration of {section.file}:", section.configurations, known)
-    return section.configurations
 
 
 def held_out(given: UpdateFile, size: Mapping[str, int]) -> Mapping[str, tuple[int, ...]]:
