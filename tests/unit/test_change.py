@@ -199,9 +199,10 @@ def test_the_workbench_shows_a_state_beside_its_reference_and_another_without():
     asyncio.run(comparison_panel._Comparison(server, opened).begin())
     assert page.change_text == f"{change_sentence(found)}."
     assert page.what_changed == ["cut, what and where: a crack or cut."]
-    assert len(page.change_rows) == 4
-    assert all(len(row) == len(page.change_head) for row in page.change_rows)
-    assert [row[-1] for row in page.change_rows] == ["frequency", "", "", ""]
+    assert len(page.change_table["rows"]) == 4
+    table = page.change_table
+    assert all(len(row) == len(table["header"]) for row in table["rows"])
+    assert [row[-1] for row in page.change_table["rows"]] == ["frequency", "", "", ""]
     assert [len(trace["x"]) for trace in page.shifts["data"]] == [3, 1]  # within the scatter, changed
     page.configuration = "intact"
     asyncio.run(comparison_panel._Comparison(server, opened).begin())

@@ -303,6 +303,8 @@ def next_test_command(run: Run) -> None:
         forget_choices(run.output)
     read_stack(model_file(read_campaign(run.campaign), "a further test"))  # tests are of stacks
     diagnosis = diagnose_campaign(run)
+    from updating.report.answer import next_test_table  # its pictures are not needed before
+
     if not diagnosis.next_tests:
         OUT.print(f"Nothing to separate: the verdict is {diagnosis.verdict!r}.")
     else:
@@ -311,12 +313,6 @@ def next_test_command(run: Run) -> None:
     if further is not None:
         OUT.print(further)
     print_measurement_findings(run)
-
-
-def next_test_table(diagnosis: Diagnosis) -> Table:
-    """Return the further tests, the one that separates best first."""
-    rows = [(test.instruction, f"{test.distance:.1f}", f"{test.now:.1f}") for test in diagnosis.next_tests]
-    return Table("Further tests", ("test", "smallest distance", "now"), rows)
 
 
 def diagnose_pooled(run: Run, fitted: Sequence[str] | None = None) -> PooledDiagnosis:

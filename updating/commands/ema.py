@@ -12,7 +12,6 @@ from ema import (
     Campaign,
     Change,
     Comparison,
-    Configuration,
     ExplainedPower,
     ModalModel,
     change_sentence,
@@ -53,7 +52,7 @@ from updating.results.identified import (
     require_none,
 )
 from updating.results.store import folder_name, read_frf, write_bytes, write_result
-from updating.results.text import Table
+from updating.results.text import Table, abscissa
 from updating.workers.workers import in_parallel
 
 
@@ -100,7 +99,7 @@ def identify_campaign(
     write_result(output / "comparison.json", comparison, inputs=(campaign.path,), options={})
     for number, repeat in enumerate(repeats(configurations, comparison), start=1):
         write_result(output / f"repeats_{number}.json", repeat, inputs=(campaign.path,), options={})
-    figure = comparison_figure(comparison, *_abscissa(configurations))
+    figure = comparison_figure(comparison, *abscissa(configurations))
     write_bytes(output / "comparison.png", as_png(figure))
     return results, comparison, failed
 
@@ -112,15 +111,6 @@ def _identify(assigned: Assignment) -> Identified:
     if levels is not None:
         write_bytes(result.folder / "amplitude.png", as_png(amplitude_figure(levels.dependence)))
     return result
-
-
-def _abscissa(configurations: Sequence[Configuration]) -> tuple[Reals, str]:
-    """Return what to compare over: torque or pressure where all state it and it varies, else the number."""
-    for name, unit, factor in (("torque", "N m", 1.0), ("pressure", "kPa", 1e-3)):
-        stated = [getattr(c, name) for c in configurations]
-        if None not in stated and len(set(stated)) > 1:
-            return factor * np.array(stated), f"{name} [{unit}]"
-    return np.arange(1.0, len(configurations) + 1.0), "configuration [number in the campaign file]"
 
 
 def _write_tables_and_pictures(result: Identified, *, keep_poles: bool) -> None:

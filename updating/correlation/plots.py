@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,10 +14,9 @@ from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, synthesize_runs
 from lamella_arrays import Complexes, Reals
 from model import Stack
-from updating.correlation.localization import ErrorMap, Regions, stiffness_index
+from updating.correlation.localization import ErrorMap, stiffness_index
 
 if TYPE_CHECKING:
-    import pyvista
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -40,71 +40,24 @@ LEAST_SCALE = 2.0
 def error_map_picture(error_map: ErrorMap, stack: Stack, kind: str, *, size: tuple[int, int] = (1200, 460)) -> bytes:
     """Draw the error of one kind of stiffness on the stack, `ErrorMap.relative`, as a PNG.
 
-    1 is the kind's mean over the stack, so a stack that is wrong everywhere alike is of one colour.
+    The stack is seen from two opposite corners, its clamps as rods.
 
     Parameters
     ----------
     error_map : ErrorMap
-        The map.
-    stack : Stack
-        The stack that it belongs to.
-    kind : str
-        Kind of stiffness, one of `energy.KINDS` without the mass.
-    size : (int, int)
-        Width and height in pixels.
-
-    Raises
-    ------
-    UpdatingError
-        There is no such kind of stiffness.
-    """
-    value = error_map.relative[stiffness_index(kind)]
-    return region_picture(value, error_map.regions, stack, title=kind, label="error over its mean", size=size)
-
-
-def region_picture(
-    value: Reals, where: Regions, stack: Stack, *, title: str, label: str, size: tuple[int, int] = (1200, 460)
-) -> bytes:
-    """Return the picture of `region_plotter` as a PNG file's bytes."""
-    from io import BytesIO
-
-    from PIL import Image
-
-    plotter: Any = region_plotter(value, where, stack, title=title, label=label, size=size)
-    try:
-        image = plotter.screenshot(return_img=True)
-    finally:
-        plotter.close()
-    buffer = BytesIO()
-    Image.fromarray(image).save(buffer, format="png", optimize=True)
-    return buffer.getvalue()
-
-
-def region_plotter(
-    value: Reals, where: Regions, stack: Stack, *, title: str, label: str, size: tuple[int, int] = (1200, 460)
-) -> pyvista.Plotter:
-    """Draw a quantity of every region on the stack, seen from two opposite corners, clamps as rods.
-
-    Parameters
-    ----------
-    value : (n_x, n_y, n_z) float
-        What to draw, not negative: an error, or an energy.
-    where : Regions
-        The regions.
+        Of the stack.
     stack : Stack
         The stack.
-    title, label : str
-        Heading, and name of the quantity.
-    size : (int, int)
-        Width and height in pixels.
-
-    Returns
-    -------
-    pyvista.Plotter
-        Off-screen and not yet rendered; the caller closes it.
+    kind : str
+        One of `ENERGY_KINDS` but the mass.
+    size : tuple of int
+        Width and height of the picture, px.
     """
     views = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
+    label, where = "error over its mean", error_map.regions
+    value = error_map.relative[stiffness_index(kind)]
     import pyvista as pv
+    from PIL import Image
 
     grid: Any = pv.RectilinearGrid(where.x, where.y, where.z)
     grid.cell_data[label] = value.ravel(order="F")
@@ -128,12 +81,15 @@ def region_plotter(
             ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])
             plotter.add_mesh(pv.lines_from_points(ends), color=palette.MODES, line_width=4)
         # one line, for VTK's touch each other, and at a place, for in a corner long text is smaller than short
-        heading = f"{title}: {view}" if column == 0 else view
+        heading = f"{kind}: {view}" if column == 0 else view
         plotter.add_text(heading, position=(8.0, size[1] - 30.0), font_size=10, color=palette.INK)
         plotter.add_axes(color=palette.INK, viewport=(0.8, 0.0, 1.0, 0.3))
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
-    return plotter
+    buffer = BytesIO()
+    Image.fromarray(plotter.screenshot(return_img=True)).save(buffer, format="png", optimize=True)
+    plotter.close()
+    return buffer.getvalue()
 
 
 def chosen_functions(measured: ModalModel) -> tuple[int, ...]:

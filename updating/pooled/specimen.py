@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ema.modal.read_modes import DAMPING_STD, FREQUENCY_STD, SHAPE_STD, UNSTATED_DAMPING
+from ema.io.found_modes import FoundModes
+from ema.modal.read_modes import DAMPING_STD, FREQUENCY_STD, SHAPE_STD, UNSTATED_DAMPING, modal_model_of
 from ema.types.frf import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from lamella_arrays import Complexes, Integers, Reals
@@ -403,43 +404,15 @@ def assembled(
     geometry, dofs, sensor, force
         As `ema.ModalModel` has them, the force one DOF.
     """
-    order = np.argsort(poles[0])
-    names = ("frequency", "frequency_std", "damping", "damping_std")
-    known = dict(zip(names, poles[:, order], strict=True))
-    frequency, damping = known["frequency"], known["damping"]
-    pole = 2.0 * np.pi * frequency * (-damping + 1j * np.sqrt(1.0 - damping**2))
-    n_dof, n = dofs.node.size, frequency.size
-    zero = np.zeros((n_dof, 1))
-    return ModalModel(
-        name=name,
-        **known,
-        pole=pole,
-        residue=np.zeros((n_dof, 1, n), complex),
-        lower=zero.astype(complex),
-        upper=zero.astype(complex),
-        outside_pole=np.empty(0, complex),
-        outside_residue=np.empty((n_dof, 1, 0), complex),
-        shape=np.asarray(shapes[0], complex)[:, order],
-        shape_std=np.asarray(shapes[1])[:, order],
-        scaled=np.zeros(n, dtype=bool),
-        node=dofs.node,
-        direction=dofs.direction,
-        sensor=sensor,
-        input=Dofs(node=np.array([force.node]), direction=np.array([force.direction])),
-        band=(float(frequency[0]), float(frequency[-1])),
-        geometry=geometry,
-        quantity="accelerance",
-        covariance=np.eye(2 * n),
-        residue_std=np.zeros((n_dof, 1, n)),
-        noise=zero,
-        correlation=zero + 1.0,
-        error=zero,
-        run=np.array([1]),
-        run_pole=pole[None, :],
-        run_frequency_std=known["frequency_std"][None, :],
-        run_damping_std=known["damping_std"][None, :],
-        run_probability=np.ones((1, n)),
-    )
+    shape, std = np.asarray(shapes[0], complex), np.asarray(shapes[1])
+    frequency, frequency_std, damping, damping_std = poles
+    n, order = frequency.size, np.argsort(frequency)
+    found = FoundModes(
+        source="", frequency=frequency, frequency_std=frequency_std, damping=damping, damping_std=damping_std,
+        shape=shape, shape_std=np.zeros(n), scaled=np.zeros(n, bool), node=dofs.node, direction=dofs.direction,
+    )  # fmt: skip
+    made = modal_model_of(found, name=name, geometry=geometry, force=force)
+    return replace(made, sensor=sensor, shape=shape[:, order], shape_std=std[:, order])
 
 
 def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -> dict[str, list[str]]:

@@ -280,7 +280,7 @@ def answer_section(results: Results) -> Section:
             before_after_table(results),
             explanation_table(results),
             moved_table(results),
-            next_test_table(results),
+            next_test_table(results.diagnosis),
         )
     else:
         text, blocks = fit_sentences(results), (before_after_table(results),)
@@ -419,12 +419,11 @@ def moved_table(results: Results) -> Table:
     )
 
 
-def next_test_table(results: Results) -> Table:
+def next_test_table(diagnosis: Diagnosis) -> Table:
     """List further tests by how well they would tell apart what a diagnosis leaves open."""
-    tests = results.diagnosis.next_tests if results.diagnosis is not None else ()
     return Table(
         title="What to measure next",
         header=("test", "distance after it", "distance now"),
-        rows=tuple((t.instruction, f"{t.distance:.1f}", f"{t.now:.1f}") for t in tests),
+        rows=tuple((t.instruction, f"{t.distance:.1f}", f"{t.now:.1f}") for t in diagnosis.next_tests),
         note="Distance between the two explanations that are hardest to tell apart; above 3 they are.",
     )

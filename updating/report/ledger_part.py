@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from ema.plot import palette
-from lamella_arrays import Reals
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.fitting.fit import Estimate
 from updating.report.part import Chart, Picture, Section, as_csv, axis, charted
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
-from updating.results.text import Z95, Table, ends, in_percent, interval_text, percent, uncertain
+from updating.results.text import Z95, Table, abscissa, ends, in_percent, interval_text, percent, uncertain
 
 _ERRORS = {
     "frequency": ("error", "mode_error", "configuration_error"),
@@ -232,15 +231,6 @@ def parameter_chart(fitted: Sequence[Tested]) -> Chart:
         "yaxis2": axis("d_f [s/Pa]", domain=[0.0, 0.44], rangemode="tozero", exponentformat="e"),
     }
     return Chart(traces=traces, layout=layout)
-
-
-def abscissa(fitted: Sequence[Tested]) -> tuple[Reals, str]:
-    """Return what to draw over: torque or pressure where all state it and it varies, else the number."""
-    for name, label, factor in (("torque", "torque [N m]", 1.0), ("pressure", "pressure [kPa]", 1e-3)):
-        stated = [getattr(t, name) for t in fitted]
-        if None not in stated and len(set(stated)) > 1:
-            return factor * np.array(stated, dtype=float), label
-    return np.arange(1.0, len(fitted) + 1.0), "configuration"
 
 
 def _estimates(tested: Tested) -> tuple[Estimate, ...]:

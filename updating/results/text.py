@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+
+from lamella_arrays import Reals
 
 if TYPE_CHECKING:  # the identification begins without the model
     from rich.table import Table as Printed
@@ -98,6 +100,21 @@ def quantity(value: float, unit: str, beside: float | None = None) -> str:
 def _three(value: float) -> str:
     """Write a number with three digits, without an exponent where it need not have one: 1000, not 1e+03."""
     return f"{float(f'{value:.3g}'):.6g}"
+
+
+def abscissa(states: Sequence[Any]) -> tuple[Reals, str]:
+    """Return what to draw states over, with its label: torque, or pressure, where it varies, else numbers.
+
+    Parameters
+    ----------
+    states : sequence
+        Of anything that has a `torque`, N m, and a `pressure`, Pa, which may be None.
+    """
+    for name, label, factor in (("torque", "torque [N m]", 1.0), ("pressure", "pressure [kPa]", 1e-3)):
+        stated = [getattr(state, name) for state in states]
+        if None not in stated and len(set(stated)) > 1:
+            return factor * np.array(stated, dtype=float), label
+    return np.arange(1.0, len(states) + 1.0), "configuration"
 
 
 Shown = Literal["", "base", "found", "both"]

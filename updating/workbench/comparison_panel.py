@@ -32,7 +32,7 @@ from updating.report.state_part import (
     shift_chart,
 )
 from updating.results.text import Z95
-from updating.workbench.opened import Opened, empty, figure, moving_page, moving_shapes, plot
+from updating.workbench.opened import Opened, cells, empty, figure, moving_page, moving_shapes, plot, table
 
 TITLE, ICON = "Comparison", "mdi-compare"
 
@@ -69,7 +69,7 @@ def panel(server: Any, opened: Opened) -> None:
             "mac": empty(), "frequencies": empty(), "shapes": "", "pair_text": "", "has_fit": False,
             "place": empty(), "place_text": "", "locating": False, "comparing": True, "compared": FOUND,
             "compared_models": [], "compared_text": "",
-            "change_text": "", "shifts": empty(), "change_mac": empty(), "change_head": [], "change_rows": [],
+            "change_text": "", "shifts": empty(), "change_mac": empty(), "change_table": {"header": [], "rows": []},
             "change_functions": empty(), "has_functions_beside": False, "what_changed": [],
         }
     )  # fmt: skip
@@ -140,8 +140,7 @@ class _Comparison:
         state.has_functions_beside = False
         if change is None:
             return
-        table = change_table(change)
-        state.change_head, state.change_rows = list(table.header), [list(row) for row in table.rows]
+        state.change_table = cells(change_table(change))
         if tested.reference is not None and (common := common_lines(tested, tested.reference)) is not None:
             state.has_functions_beside = True
             state.change_functions = figure(mean_chart(tested, tested.reference, common))
@@ -196,11 +195,7 @@ def show(server: Any) -> None:
     with html.Div(v_show="change_text"):
         html.P("{{ change_text }}", classes="text-subtitle-1", id="change-text")
         html.P("{{ line }}", v_for="line in what_changed", classes="text-body-2", key="line")
-        with vuetify3.VTable(density="compact", id="change-table"):
-            with html.Thead(), html.Tr():
-                html.Th("{{ name }}", v_for="name in change_head", key="name")
-            with html.Tbody(), html.Tr(v_for="(row, i) in change_rows", key="i"):
-                html.Td("{{ cell }}", v_for="(cell, k) in row", key="k")
+        table("change_table", "change-table")
         with html.Div(v_show="has_functions_beside"):
             plot("change_functions", 320)
         with vuetify3.VRow():

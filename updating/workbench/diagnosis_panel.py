@@ -10,7 +10,7 @@ from typing import Any
 from updating.report.answer import explanation_table, opening
 from updating.report.change_part import mode_changes, mode_chart, step_chart, steps
 from updating.report.part import unbroken
-from updating.workbench.opened import Command, Opened, empty, figure, plot
+from updating.workbench.opened import Command, Opened, cells, empty, figure, plot, table
 
 TITLE, ICON = "Diagnosis", "mdi-stethoscope"
 
@@ -63,8 +63,7 @@ class _Commands:
             if diagnosis is None or not diagnosis.set
             else [e for e in diagnosis.set[0] if e not in diagnosis.measurement]
         )
-        table = explanation_table(results)
-        state.explanations = {"header": list(table.header), "rows": [list(row) for row in table.rows]}
+        state.explanations = cells(explanation_table(results))
         way, modes = steps(results), mode_changes(results)
         state.has_steps, state.has_changes = bool(way), bool(modes)
         if way:
@@ -141,11 +140,7 @@ def _answer() -> None:
         with vuetify3.VCol(cols=12, md=7, v_show="has_changes"):
             plot("changes", 360)
     html.P("{{ line }}", v_for="line in sentences", key="line", classes="text-body-2 my-1")
-    with vuetify3.VTable(density="compact", v_if="explanations.rows.length", id="ranking"):
-        html.Thead("<tr><th v-for='h in explanations.header' :key='h'>{{ h }}</th></tr>")
-        html.Tbody(
-            "<tr v-for='(row, i) in explanations.rows' :key='i'><td v-for='(c, k) in row' :key='k'>{{ c }}</td></tr>"
-        )
+    table("explanations", "ranking")
 
 
 def log(controller: Any, suffix: str = "") -> None:

@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from ema.modal.mac import complexity
 from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
 from lamella_arrays import Integers, Reals
 from updating.correlation.plots import synthesized
-from updating.report.modes_part import COMPLEXITY
+from updating.report.modes_part import COMPLEXITY, complexity_table, identified_table
 from updating.report.part import Chart, axis, single
 from updating.report.results import Tested
-from updating.results.text import Z95, uncertain
-from updating.workbench.opened import Opened, empty, figure, plot
+from updating.results.text import Table
+from updating.workbench.opened import Opened, cells, empty, figure, plot, table
 
 TITLE, ICON = "Measurement", "mdi-access-point"
 
@@ -165,19 +164,12 @@ def findings(tested: Tested, point: int) -> tuple[list[dict[str, str]], list[dic
     return about, [*others, *({"text": note, "hint": NOTES} for note in tested.quality.notes)]
 
 
-def modes_rows(tested: Tested) -> list[dict[str, str]]:
-    """Return the table of modes: frequency, damping, how complex each shape is, and whether it is too complex."""
-    m, measures = tested.measured, complexity(tested.measured)
-    return [
-        {
-            "mode": str(r + 1), "frequency": uncertain(m.frequency[r], Z95 * m.frequency_std[r]),
-            "damping": uncertain(100.0 * m.damping[r], 100.0 * Z95 * m.damping_std[r]),
-            "mpc": f"{measures.mpc[r]:.3f}", "mpd": f"{measures.mpd[r]:.1f}", "mcf": f"{measures.mcf[r]:.3f}",
-            "scatter": f"{measures.phase_scatter[r]:.1f}",
-            "finding": "too complex to be compared as real" if measures.is_complex[r] else "",
-        }
-        for r in range(m.frequency.size)
-    ]  # fmt: skip
+def modes_table(tested: Tested) -> Table:
+    """List the modes: frequency, damping, how complex each shape is, and whether it is too complex."""
+    first, second = identified_table(tested), complexity_table(tested)
+    k = second.header.index("MPC")
+    rows = [(*a, *b[k:]) for a, b in zip(first.rows, second.rows, strict=True)]
+    return Table("", (*first.header, *second.header[k:]), rows)
 
 
 def sources(frf: FRF, point: int, folder: Path) -> list[str]:
@@ -192,22 +184,16 @@ def panel(server: Any, opened: Opened) -> None:
     state = server.state
     state.update(
         {
-            "points": empty(),
-            "functions": empty(),
-            "point": 0,
-            "point_list": [],
-            "about": [],
-            "others": [],
-            "files": [],
-            "modes": [],
+            "points": empty(), "functions": empty(), "point": 0, "point_list": [], "about": [], "others": [],
+            "files": [], "modes": {"header": [], "rows": []},
         }
-    )
+    )  # fmt: skip
 
     @state.change("configuration")
     def choose_configuration(configuration: str, **_: Any) -> None:
         tested = opened.tested(configuration)
         numbers = point_numbers(tested)
-        state.modes = modes_rows(tested)
+        state.modes = cells(modes_table(tested))
         state.point_list = numbers
         if state.point not in numbers:
             state.point = numbers[0] if numbers else 0
@@ -260,12 +246,7 @@ def show(server: Any) -> None:
     _list("About this point", "about", "Nothing was found about this point.")
     _list("About the measurement", "others", "Nothing was found about the rest.")
     html.H2("Modes", classes="text-subtitle-1 mt-2")
-    with vuetify3.VTable(density="compact", id="modes"):
-        names = ("mode", "frequency [Hz]", "damping [%]", "MPC", "MPD [°]", "MCF", "phase scatter [°]", "finding")
-        html.Thead(f"<tr>{''.join(f'<th>{name}</th>' for name in names)}</tr>")
-        keys = ("mode", "frequency", "damping", "mpc", "mpd", "mcf", "scatter", "finding")
-        cells = "".join(f"<td>{{{{ row.{key} }}}}</td>" for key in keys)
-        html.Tbody(f'<tr v-for="row in modes" :key="row.mode">{cells}</tr>')
+    table("modes", "modes")
     html.P(f"± is half the 95 % interval. {COMPLEXITY}", classes="text-caption")
 
 

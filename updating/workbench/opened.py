@@ -21,6 +21,7 @@ from updating.report.part import Chart, Section
 from updating.report.results import Results, Tested, read_results, with_models
 from updating.results.identified import campaign_file
 from updating.results.store import read_result
+from updating.results.text import Table
 from updating.workers.progress import CLOCK, PERIOD
 
 _FILE = "campaign.toml"
@@ -126,6 +127,22 @@ def plot(
 def empty() -> dict[str, Any]:
     """Return a figure without anything in it."""
     return {"data": [], "layout": {}}
+
+
+def cells(table: Table) -> dict[str, Any]:
+    """Return a table as the state that `table` shows."""
+    return {"header": list(table.header), "rows": [list(row) for row in table.rows]}
+
+
+def table(key: str, name: str) -> None:
+    """Put a table, the state `key` as `cells` makes it, into the page, with a name for its element."""
+    from trame.widgets import html, vuetify3
+
+    with vuetify3.VTable(density="compact", v_if=f"{key}.rows.length", id=name):
+        html.Thead(f"<tr><th v-for='h in {key}.header' :key='h'>{{{{ h }}}}</th></tr>")
+        html.Tbody(
+            f"<tr v-for='(row, i) in {key}.rows' :key='i'><td v-for='(c, k) in row' :key='k'>{{{{ c }}}}</td></tr>"
+        )
 
 
 _SHOWN = 400  # lines of what it says that are kept
