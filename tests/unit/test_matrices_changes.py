@@ -17,8 +17,11 @@ from updating.changes.reference import fit_matrices_reference
 from updating.changes.refined import Condensed
 from updating.changes.scan import Actions, Measured
 from updating.changes.situation import Situation
+from updating.commands import diagnose
+from updating.commands.terminal import Run
 from updating.diagnosis import evidence
 from updating.diagnosis.matrices_model import MatricesModel
+from updating.errors import FitError
 
 SPRINGS = 0.7
 MOUNTED = {"again": 0.72, "same": 0.68}
@@ -221,3 +224,16 @@ def test_what_is_tuned_is_weighed_between_the_tunings_that_are_tried(nodes, stru
     found = situation(nodes, matrices, value, vector[:-1])
     left = [np.linalg.norm(left_by(change, size)) for change in Condensed(found).changes(kind, candidates, i)]
     assert min(left) < 0.3 * left[len(left) // 2]
+
+
+def test_the_model_beside_the_references_is_diagnosed_without_changed_states(monkeypatch, tmp_path):
+    asked: list[str] = []
+
+    def stop(assigned, *_):
+        asked.extend(one.configuration.name for one in assigned)
+        raise FitError("enough")
+
+    monkeypatch.setattr(diagnose, "every_identified", stop)
+    with pytest.raises(FitError, match="enough"):
+        diagnose.diagnose_campaign(Run(campaign=EXAMPLE / "changes.toml", output=tmp_path))
+    assert asked == ["before", "again"]

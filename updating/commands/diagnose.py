@@ -193,8 +193,7 @@ def diagnose_campaign(run: Run, asked: Sequence[Sequence[str]] = ()) -> Diagnosi
     campaign = read_campaign(run.campaign)
     stack_file = model_file(campaign, "a diagnosis")
     stack = None if is_structure_file(stack_file) else read_stack(stack_file)
-    # what a change did to a state is no effect that a stack lacks
-    changed = frozenset() if stack is None else changed_names(campaign)
+    changed = changed_names(campaign)  # what a change did to a state is no effect that a model lacks
     states = (
         [] if stack is None else [stack_in_state(stack, c) for c in campaign.configurations if c.name not in changed]
     )
