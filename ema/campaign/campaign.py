@@ -365,7 +365,7 @@ def campaign_of(path: Path, content: CampaignFile) -> Campaign:
         sensor_mass=1e-3 * content.measurement.sensor_mass_g,
         corrections=tuple(_correction(path, folder, c) for c in content.correction),
         notes=notes,
-        reassembly=Reassembly(**content.reassembly.model_dump()),
+        reassembly=content.reassembly,
         full_scale=content.measurement.full_scale,
         modes_std=ModesStd(
             frequency=content.modes.frequency_std, damping=content.modes.damping_std, shape=content.modes.shape_std

@@ -7,7 +7,6 @@ import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, Protocol
 
@@ -15,7 +14,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ema.campaign.estimate import Averaging
-from ema.io.files import Section
+from ema.io.files import Section, natural
 from ema.io.measured_function import parse_unit
 from ema.io.table import TableLayout
 from ema.io.variables import VariableLayout
@@ -30,23 +29,6 @@ SHAPE_SCATTER = 2e-2
 structures change by 0.1 to 0.5 % of a frequency and by 5 to 30 % of a damping ratio; a cantilever plate that was
 clamped anew moved by up to 0.4 %. Sensors that are put back are off by about 1 % in gain and 1 to 2 mm in place,
 which is 2 % of a shape's length."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reassembly:
-    """Standard deviations between two assemblies of one and the same structure.
-
-    Attributes
-    ----------
-    frequency, damping : float
-        Relative ones of natural frequencies and of damping ratios.
-    shape : float
-        Of a shape, over its length.
-    """
-
-    frequency: float = FREQUENCY_SCATTER
-    damping: float = DAMPING_SCATTER
-    shape: float = SHAPE_SCATTER
 
 
 class State(Protocol):
@@ -230,11 +212,6 @@ def _named(path: Path, folder: Path, key: str, pattern: str) -> list[Path]:
         hint = f"; did you mean {' or '.join(close)}?" if close else ""
         raise CampaignError(f"{path}: {key}: no file {pattern!r} in {folder}{hint}")
     return files
-
-
-def natural(file: Path) -> list[tuple[int, str]]:
-    """Return what sorts files as people count them, run 2 before run 10."""
-    return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", str(file))]
 
 
 def _dof(given: object) -> Dof:
@@ -480,8 +457,16 @@ class IdentificationSection(Section):
         return self
 
 
-class ReassemblySection(Section):
-    """How far a state scatters that is assembled anew: standard deviations relative to the value."""
+class Reassembly(Section):
+    """Standard deviations between two assemblies of one and the same structure.
+
+    Attributes
+    ----------
+    frequency, damping : float
+        Relative ones of natural frequencies and of damping ratios.
+    shape : float
+        Of a shape, over its length.
+    """
 
     frequency: float = Field(default=FREQUENCY_SCATTER, gt=0, lt=1)
     damping: float = Field(default=DAMPING_SCATTER, gt=0, lt=3)
@@ -499,4 +484,4 @@ class CampaignFile(Section):
     modes: ModesSection = ModesSection()
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
-    reassembly: ReassemblySection = ReassemblySection()
+    reassembly: Reassembly = Reassembly()

@@ -6,16 +6,16 @@ import filecmp
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 
-from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of, natural
+from ema.campaign.campaign_file import NOT_READ, SUFFIXES, format_of
 from ema.campaign.draft_histories import Set, is_of_force, of_motions_alone, side_by_side
 from ema.io.array_histories import read_wav
-from ema.io.files import UNKNOWN, Code, Contents, dof_name, point_in
+from ema.io.files import UNKNOWN, Code, Contents, dof_name, natural, point_in
 from ema.io.guess_table import guess_long, guess_table, not_understood
 from ema.io.guess_variables import axis_keys, guess_variables, lone_axis
 from ema.io.measured_function import NOT_UNDERSTOOD, MeasuredFunction, parse_unit
@@ -44,7 +44,7 @@ _NO_DATA = (
 _OF_A_POINT = re.compile(r"(point|pnt|node|punkt|knoten|to[cč]ka|position|dof)[ _.-]*\d+", re.IGNORECASE)
 """What a folder with the records of one point is called; p1 may be a pressure."""
 _COPY = re.compile(r"\(\d+\)$|\bcopy\b|kopie|kopija|\bbackup\b", re.IGNORECASE)
-_RESULT = "modal_model.json"  # in a folder of results, which are no measurements
+RESULT = "modal_model.json"  # in a folder of results, which are no measurements
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +80,7 @@ class Draft:
     stack: Path | None
     configurations: dict[str, tuple[Contents, ...]]
     left_out: tuple[str, ...]
+    modes: dict[str, tuple[Path, ...]] = field(default_factory=dict)
 
     @property
     def contents(self) -> tuple[Contents, ...]:
@@ -102,7 +103,7 @@ def draft(folder: Path) -> Draft:
     places = [folder, *sorted((p for p in folder.rglob("*") if p.is_dir()), key=natural)]
     for place in places:
         inside = place.relative_to(folder)
-        if any(part.startswith(".") for part in inside.parts) or (place / _RESULT).exists():
+        if any(part.startswith(".") for part in inside.parts) or (place / RESULT).exists():
             continue
         files = _without_copies(sorted((f for f in place.iterdir() if f.is_file()), key=natural), left_out)
         contents = _at_points(tuple(c for c in (_contents(file, left_out) for file in files) if c is not None))
@@ -538,7 +539,7 @@ def first_points(files: Iterable[Path], *, longest: float = 10.0) -> PointsFound
 
 def _points(folder: Path, configurations: dict[str, tuple[Contents, ...]]) -> PointsFound | None:
     """Return the list of points: a table of the folder, else the first universal file that holds some."""
-    every = [f for f in sorted(folder.rglob("*"), key=natural) if f.is_file() and not (f.parent / _RESULT).exists()]
+    every = [f for f in sorted(folder.rglob("*"), key=natural) if f.is_file() and not (f.parent / RESULT).exists()]
     tables = [f for f in every if f.suffix.lower() in _TEXT_SUFFIXES and _lists_points(f)]
     measured = [c.file for contents in configurations.values() for c in contents]
     beside = [f for f in sorted(folder.iterdir(), key=natural) if f.is_file()]

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ema.campaign.campaign_file import format_of, natural
-from ema.campaign.draft import Draft, PointsFound, first_points, force_by_exclusion, model_file, unlisted
+from ema.campaign.campaign_file import format_of
+from ema.campaign.draft import RESULT, Draft, PointsFound, first_points, force_by_exclusion, model_file, unlisted
 from ema.campaign.draft_histories import Guessed, Set, averaged, averaging_of, dofs_of, in_order, side_by_side
-from ema.io.files import UNKNOWN, Code, Contents, dof_name, volts_in, whole
+from ema.io.files import UNKNOWN, Code, Contents, dof_name, natural, volts_in, whole
 from ema.io.found_modes import is_table_of_modes, is_table_of_shapes
 from ema.io.measured_function import parse_unit
 from ema.io.modes_uff import holds
@@ -175,13 +175,12 @@ def draft_file(drafted: Draft) -> DraftFile:
         lines.append('# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file')
     else:
         lines.append(f"stack = {as_toml(drafted.stack.name)}")
-    lines += ["", "[points]", *_points(drafted, missing), *_measurement(drafted, missing)]
+    lines += ["", "[points]", *_points(drafted, missing)]
+    lines += _modes(drafted, missing) if drafted.modes else _measurement(drafted, missing)
     for name, contents in drafted.configurations.items():
         lines += ["", *_configuration(drafted, name, contents, missing)]
-    missing.append(
-        f"torque_Nm or pressure_kPa of {', '.join(drafted.configurations)}: the state of the stack, which fit and "
-        "diagnose need"
-    )
+    names = ", ".join(drafted.modes or drafted.configurations)
+    missing.append(f"torque_Nm or pressure_kPa of {names}: the state of the stack, which fit and diagnose need")
     return DraftFile(text="\n".join(lines) + "\n", missing=tuple(missing))
 
 
@@ -407,26 +406,9 @@ def as_toml(value: Any) -> str:
 
 _OTHERS = (".mat", ".h5", ".hdf5", ".tdms", ".lvm")  # which hold functions
 _TEXTS = (".csv", ".txt", ".dat", ".asc", ".tsv")
-_RESULT = "modal_model.json"  # in a folder of results
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModesDraft:
-    """What a folder of modes holds.
-
-    Attributes
-    ----------
-    found : Draft
-        Its points and stack file; without configurations of functions.
-    files : dict of str to tuple of Path
-        The files of each configuration.
-    """
-
-    found: Draft
-    files: dict[str, tuple[Path, ...]]
-
-
-def draft_modes(folder: Path) -> ModesDraft | None:
+def draft_modes(folder: Path) -> Draft | None:
     """Look for files of modes in a folder; None where it holds none, or functions beside them.
 
     Each universal file, each array of SDynPy and each table of modes is one configuration; a table has the shapes of
@@ -440,7 +422,7 @@ def draft_modes(folder: Path) -> ModesDraft | None:
     if not folder.is_dir():
         return None
     every = sorted((f for f in folder.rglob("*") if f.is_file()), key=natural)
-    every = [f for f in every if not f.name.startswith(".") and not (f.parent / _RESULT).exists()]
+    every = [f for f in every if not f.name.startswith(".") and not (f.parent / RESULT).exists()]
     if any(f.suffix.lower() in _OTHERS for f in every):
         return None
     tables = [f for f in every if f.suffix.lower() in _TEXTS]
@@ -461,27 +443,20 @@ def draft_modes(folder: Path) -> ModesDraft | None:
         return None  # other tables, which may hold functions
     files: dict[str, tuple[Path, ...]] = {_name(folder, f): (f,) for f in whole}
     files |= {_name(folder, f): (f, *_beside(f, modes, shapes)) for f in modes}
-    beside = Draft(folder=folder, points=listed, stack=model_file(folder), configurations={}, left_out=())
-    return ModesDraft(found=beside, files=files)
+    return Draft(folder=folder, points=listed, stack=model_file(folder), configurations={}, left_out=(), modes=files)
 
 
-def modes_draft_file(drafted: ModesDraft) -> DraftFile:
-    """Return the campaign file of a folder of modes, with "?" and comments where something is to be filled in."""
-    points, missing = drafted.found, list[str]()
-    lines = ["[campaign]", f"name = {as_toml(points.folder.resolve().name)}", "", "[structure]"]
-    if points.stack is None:
-        missing.append("structure.stack: the stack file of the model, which fit and diagnose need")
-        lines.append('# stack = "stack.toml"  # to be filled in for fit and diagnose: the model\'s stack file')
-    else:
-        lines.append(f"stack = {as_toml(points.stack.name)}")
-    lines += ["", "[points]", *_points_lines(points, missing), "", "[modes]  # how sure the modes are, relative"]
-    lines += [
+def _modes(drafted: Draft, missing: list[str]) -> list[str]:
+    """Return how sure modes are, to be filled in, and their configurations."""
+    lines = [
+        "",
+        "[modes]  # how sure the modes are, relative",
         "# frequency_std = 0.001  # to be filled in where the files do not state it; these are usual values",
         "# damping_std = 0.1",
         "# shape_std = 0.01       # of a component, over the root mean square of the shape",
     ]
-    for name, files in drafted.files.items():
-        names = [file.relative_to(points.folder).as_posix() for file in files]
+    for name, files in drafted.modes.items():
+        names = [file.relative_to(drafted.folder).as_posix() for file in files]
         lines += [
             "",
             "[[configuration]]",
@@ -492,21 +467,9 @@ def modes_draft_file(drafted: ModesDraft) -> DraftFile:
             "# torque_Nm =            # to be filled in for fit and diagnose: bolt torque, or",
             "# pressure_kPa =         # the mean pressure between the sheets",
         ]
-    listed = ", ".join(drafted.files)
+    listed = ", ".join(drafted.modes)
     missing.append(f"input of {listed}: the point and direction of the force, such as 12+z, which diagnose needs")
-    missing.append(f"torque_Nm or pressure_kPa of {listed}: the state of the stack, which fit and diagnose need")
-    return DraftFile(text="\n".join(lines) + "\n", missing=tuple(missing))
-
-
-def _points_lines(drafted: Draft, missing: list[str]) -> Iterator[str]:
-    if drafted.points is None:
-        missing.append("points.file: a list of the points' coordinates, node,x,y,z, and its unit as points.unit")
-        yield '# file = "points.csv"    # to be filled in: columns node,x,y,z, the origin in the centre of the stack'
-        yield '# unit = "mm"            # to be filled in: unit of these coordinates'
-        return
-    yield f"file = {as_toml(drafted.points.file.relative_to(drafted.folder).as_posix())}"
-    if drafted.points.unit is not None:
-        yield f'unit = "{drafted.points.unit}"  # guessed: the points span {drafted.points.span:g}'
+    return lines
 
 
 def _beside(table: Path, modes: list[Path], shapes: list[Path]) -> tuple[Path, ...]:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ema.campaign.campaign_file import format_of, natural
+from ema.campaign.campaign_file import format_of
 from ema.campaign.estimate import find_hits
 from ema.io.array_histories import PULSE, pulse_share, read_histories, read_wav
-from ema.io.files import FORCE, UNKNOWN, Code, Contents, dofs_in, with_names
+from ema.io.files import FORCE, UNKNOWN, Code, Contents, dofs_in, natural, with_names
 from ema.io.measured_function import MeasuredFunction, Unit, parse_unit
 from ema.io.sdynpy import read_data_arrays
 from ema.io.table import TableLayout, read_table

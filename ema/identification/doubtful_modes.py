@@ -49,9 +49,7 @@ def check_modes(frf: FRF, modal_model: ModalModel) -> tuple[Verdict, ...]:
     """
     checks = (_background, _overlap, _damping)
     findings = (*(say(modal_model) for say in checks), _broad(frf, modal_model), *_phases(modal_model))
-    return tuple(
-        Verdict(check=check, level="warn", channel=(), band=None, message=text) for check, text in findings if text
-    )
+    return tuple(Verdict(check=check, level="warn", message=text) for check, text in findings if text)
 
 
 def _background(modal_model: ModalModel) -> tuple[str, str]:
@@ -204,7 +202,7 @@ def _verdict(differing: list[str], changed: bool) -> Verdict:
     """Say in which modes forces differ, and whether the structure changed or a mode is doubtful."""
     if not differing:
         text = "forces at all points find the same frequencies"
-        return Verdict(check="references", level="pass", channel=(), band=None, message=text)
+        return Verdict(check="references", level="pass", message=text)
     listed = listing(differing, separator="; ")
     text = f"frequencies differ from force to force: {listed}: "
     if changed:
@@ -214,7 +212,7 @@ def _verdict(differing: list[str], changed: bool) -> Verdict:
             "by several bandwidths, and in no other mode, this is no change of the structure between these tests: the "
             "mode is doubtful, or one beside it is missing"
         )
-    return Verdict(check="references", level="warn", channel=(), band=None, message=text)
+    return Verdict(check="references", level="warn", message=text)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.io.array_files import ArrayInFile, array, arrays_in, pattern_of
-from ema.io.files import FORCE, UNKNOWN, field_of
+from ema.io.files import FORCE, UNKNOWN, field_of, natural
 from ema.io.measured_function import Channels, MeasuredFunction, require_ascending
 from ema.io.variables import FIRST_CHANNEL, VariableLayout
 from ema.types.errors import MeasurementError
@@ -101,7 +101,7 @@ def _alike(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -
     """Return the variables that a name with ``*`` stands for, in natural order; without one the name itself."""
     if "*" not in name:
         return [name]
-    names = sorted((n for n in arrays if pattern_of(name).fullmatch(n)), key=_natural)
+    names = sorted((n for n in arrays if pattern_of(name).fullmatch(n)), key=natural)
     if not names:
         array(path, arrays, key, name)  # says which there are
     return names
@@ -112,10 +112,6 @@ def _starred(name: str, variable: str) -> tuple[str, ...]:
     match = pattern_of(name).fullmatch(variable)
     assert match is not None
     return match.groups()
-
-
-def _natural(name: str) -> list[int | str]:
-    return [int(part) if part.isdigit() else part for part in _PARTS.split(name)]
 
 
 def _stacked(

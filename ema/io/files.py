@@ -121,6 +121,11 @@ class Contents:
     guesses: tuple[str, ...] = ()
 
 
+def natural(file: Path | str) -> list[tuple[int, str]]:
+    """Return what sorts names as people count them, run 2 before run 10."""
+    return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", str(file))]
+
+
 def field_of(name: str) -> str:
     """Return the name of a field or data set without those of the structures and groups that it is in."""
     return re.split(r"[./@]", name)[-1]

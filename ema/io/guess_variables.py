@@ -16,7 +16,18 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, arrays_in, pattern_of
 from ema.io.array_histories import RATE, HistoriesFound, guess_histories
-from ema.io.files import UNKNOWN, Code, Contents, field_of, is_other_ratio, polar_units, unit_in, volts_in, with_names
+from ema.io.files import (
+    UNKNOWN,
+    Code,
+    Contents,
+    field_of,
+    is_other_ratio,
+    natural,
+    polar_units,
+    unit_in,
+    volts_in,
+    with_names,
+)
 from ema.io.measured_function import is_uneven
 from ema.io.variables import FIRST_COLUMN, WAYS
 from ema.types.errors import MeasurementError
@@ -473,7 +484,7 @@ def parts_of_frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, 
             p for p in pairs if [*map(_numberless, p)] == [*map(_numberless, first)] and arrays[p[0]].shape == shape
         ]
         is_vector = max(shape) == arrays[first[0]].size
-        used = sorted(alike, key=_natural) if is_vector else [first]
+        used = sorted(alike, key=lambda pair: natural(pair[0])) if is_vector else [first]
         keys_of_parts: dict[str, Any] = {key: [pair[k] for pair in used] for k, key in enumerate(keys)}
         said = ", ".join(f"{a!r} and {b!r}" for a, b in used)
         guesses = [f"variables {said} are taken as {keys[0]} and {keys[1]} of the FRFs"]
@@ -567,7 +578,3 @@ def _without(name: str, key: str) -> list[_Rest]:
         return [rest]
     ends = [re.sub(_ENDS[key], "", word) for word in words]
     return [tuple(filter(None, ends))] if ends != words else []
-
-
-def _natural(pair: tuple[str, str]) -> list[tuple[int, str]]:
-    return [(int(p), "") if p.isdigit() else (0, p) for p in re.split(r"(\d+)", pair[0])]

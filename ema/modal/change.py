@@ -20,9 +20,10 @@ import numpy as np
 import scipy
 
 from ema.campaign.campaign_file import Reassembly
-from ema.modal.configurations import CLOSE, Modes, clusters, match, shared_dofs, sine
+from ema.modal.configurations import CLOSE, Modes, clusters, match, sine
 from ema.modal.mac import comac, mac, modal_scale_factor
 from ema.types.errors import IdentificationError
+from ema.types.frf import shared_dofs
 from ema.types.modal_model import ModalModel
 from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
 

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from ema.campaign.campaign import Configuration
 from ema.modal.mac import mac
+from ema.types.frf import shared_dofs
 from ema.types.modal_model import ModalModel
 from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
 
@@ -306,19 +307,17 @@ def _constants(first: ModalModel, other: ModalModel, frequency: Reals) -> tuple[
     """
     if first.input.name(0) != other.input.name(0):
         return None
-    keys = [[(int(n), *np.round(d, 4)) for n, d in zip(m.node, m.direction, strict=True)] for m in (first, other)]
-    place = {key: i for i, key in enumerate(keys[1])}
-    rows = np.array([(i, place[key]) for i, key in enumerate(keys[0]) if key in place], dtype=np.int64).reshape(-1, 2)
+    rows = shared_dofs((first, other))
     common = np.flatnonzero(np.isfinite(frequency).all(axis=0))
-    if len(rows) < _FEWEST_PER_SENSOR or not common.size:
+    if rows[0].size < _FEWEST_PER_SENSOR or not common.size:
         return None
     constant = []
-    for model, at, row in ((first, frequency[0], rows[:, 0]), (other, frequency[1], rows[:, 1])):
+    for model, at, row in ((first, frequency[0], rows[0]), (other, frequency[1], rows[1])):
         mode = [int(np.flatnonzero(model.frequency == at[t])[0]) for t in common]
         constant.append(2j * model.pole[mode].imag * model.residue[row, 0][:, mode])
     if not np.all(np.any(constant[0] != 0.0, axis=0)):
         return None
-    sensors = [model.sensor[row] for model, row in zip((first, other), rows.T, strict=True)]
+    sensors = [model.sensor[row] for model, row in zip((first, other), rows, strict=True)]
     one_alike = np.where(sensors[0] == sensors[1], sensors[0], 0)  # those that another one took there tell nothing
     return constant[0], constant[1], one_alike
 
@@ -416,22 +415,16 @@ def _likeness_of_mode(
 
     The score is 0 without a shared DOF; over few of them it falls with the distance of the frequencies.
     """
-    index = {_key(second, k): k for k in range(second.node.size)}
-    pairs = [(k, index[_key(first, k)]) for k in range(first.node.size) if _key(first, k) in index]
-    if not pairs:
+    rows, columns = shared_dofs((first, second))
+    if not rows.size:
         nothing = np.zeros(second.frequency.size)
         return nothing, nothing
-    rows, columns = np.array(pairs).T
     value = mac(first.shape[rows][:, [mode]], second.shape[columns])[0]
-    if len(pairs) >= MANY_DOFS:
+    if rows.size >= MANY_DOFS:
         return value, value
     apart = np.abs(np.log(second.frequency / first.frequency[mode]))
     score = np.where(apart <= near_by_shape, value * (1.0 - apart), 0.0)
-    return (value if len(pairs) > 1 else np.full_like(value, np.nan)), score
-
-
-def _key(model: ModalModel, k: int) -> tuple[float, ...]:
-    return (int(model.node[k]), *np.round(model.direction[k], 6).tolist())
+    return (value if rows.size > 1 else np.full_like(value, np.nan)), score
 
 
 Modes = tuple[Reals, Complexes]
@@ -439,13 +432,6 @@ Modes = tuple[Reals, Complexes]
 CLOSE = 0.03
 """Relative gap of neighbouring frequencies below which modes are taken as a plane: a change of 6 % in stiffness closes
 it."""
-
-
-def shared_dofs(models: Sequence[ModalModel]) -> tuple[Integers, ...]:
-    """Return for each model the positions of the DOFs that all of them have, in the order of the first."""
-    places = [{_dof(model, k): k for k in range(model.node.size)} for model in models]
-    common = [key for key in places[0] if all(key in other for other in places)]
-    return tuple(np.array([place[key] for key in common], dtype=np.int64) for place in places)
 
 
 def match(
@@ -537,7 +523,3 @@ def _in_planes(state: Modes, shape: Complexes) -> Reals:
         basis = la.orth(state[1][:, group] / np.linalg.norm(state[1][:, group], axis=0))
         share[group] = np.sum(np.abs(basis.conj().T @ shape) ** 2, axis=0) / whole
     return share
-
-
-def _dof(model: ModalModel, k: int) -> tuple[float, ...]:
-    return (int(model.node[k]), *(np.round(model.direction[k], 6) + 0.0).tolist())

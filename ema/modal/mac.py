@@ -231,7 +231,7 @@ def check_complexity(modal_model: ModalModel) -> tuple[Verdict, ...]:
     if warned:
         return warned
     text = f"the shapes are nearly real: the lowest MPC is {shapes.mpc.min():.3f}" if shapes.mpc.size else "no mode"
-    return (Verdict(check="complexity", level="pass", channel=(), band=None, message=text),)
+    return (Verdict(check="complexity", level="pass", message=text),)
 
 
 def _warnings(modal_model: ModalModel, shapes: Complexity, *, most_listed: int = 8) -> Iterator[Verdict]:
@@ -249,9 +249,9 @@ def _warnings(modal_model: ModalModel, shapes: Complexity, *, most_listed: int =
             f"1), phases {shapes.mpd[r]:.0f} degrees off their line in the mean; no real shape has a MAC above "
             f"{most:.2f} with it; {why}"
         )
-        yield Verdict(check="complexity", level="warn", channel=(), band=(f, f), message=text)
+        yield Verdict(check="complexity", level="warn", band=(f, f), message=text)
     if complex_ones.size > most_listed:
         f = float(modal_model.frequency[complex_ones[most_listed]])
         number = complex_ones.size - most_listed
         text = f"{number} further modes from {f:.5g} Hz on are too complex to be compared as real"
-        yield Verdict(check="complexity", level="warn", channel=(), band=(f, f), message=text)
+        yield Verdict(check="complexity", level="warn", band=(f, f), message=text)

@@ -24,10 +24,10 @@ from ema.quality.spatial_consistency import (
     undetectable_signs,
 )
 from ema.quality.structure import channel_label, formless, repeated, run_states
-from ema.quality.verdict import Verdict
+from ema.quality.verdict import Verdict, listing
 from ema.types.arrays import in_blocks, inner_products
 from ema.types.errors import MeasurementError
-from ema.types.frf import DERIVATIVE, FRF, Dofs
+from ema.types.frf import DERIVATIVE, FRF, Dofs, dof_keys
 from lamella_arrays import Complexes, Integers, Reals
 
 _MIN_OTHERS = 6
@@ -152,20 +152,20 @@ def _passed(findings: list[Verdict]) -> Iterator[Verdict]:
     checks = {v.check for v in findings}
     for check, message in said.items():
         if check not in checks:
-            yield Verdict(check=check, level="pass", channel=(), band=None, message=message)
+            yield Verdict(check=check, level="pass", message=message)
 
 
 def _axis(frf: FRF) -> Iterator[Verdict]:
     step = np.diff(frf.frequency)
     if step.size == 0:
         message = "the band holds no more than one frequency line; widen it"
-        yield Verdict(check="axis", level="fail", channel=(), band=None, message=message)
+        yield Verdict(check="axis", level="fail", message=message)
     elif not np.isfinite(step).all() or np.abs(step - np.median(step)).max() > 1e-3 * abs(np.median(step)):
         message = (
             f"the frequency axis is not uniform, its steps are {step.min():.4g} to {step.max():.4g} Hz; resample it "
             "before use"
         )
-        yield Verdict(check="axis", level="fail", channel=(), band=None, message=message)
+        yield Verdict(check="axis", level="fail", message=message)
 
 
 def _not_finite(frf: FRF) -> Iterator[Verdict]:
@@ -190,7 +190,7 @@ def _dead(frf: FRF, sound: Integers, *, dead_level: float = 1e-3) -> Iterator[Ve
 def _formless(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     for fault in formless(frf, sound):
         if fault.channel is None:
-            yield Verdict(check="dead", level="warn", channel=(), band=None, message=fault.message)
+            yield Verdict(check="dead", level="warn", message=fault.message)
         else:
             yield _verdict(frf, "dead", "fail" if fault.is_noise else "warn", fault.channel, fault.message)
 
@@ -392,7 +392,7 @@ def _driving_points(measurement: Measurement, sound: Integers) -> Iterator[Verdi
                     f"whose neighbours agree with it: the direction of the force {frf.input.name(j)} is turned; "
                     "state it the other way round"
                 )
-                yield Verdict(check="force sign", level="warn", channel=(), band=None, message=message, force=(j,))
+                yield Verdict(check="force sign", level="warn", message=message, force=(j,))
             elif negative > 0.5:
                 message = "driving point of the wrong sign: turn the direction of the sensor or of the force"
                 yield _verdict(frf, "sign", "fail", int(channel), message)
@@ -442,7 +442,7 @@ def _spatial(
     for direction in _parallel(frf, sound):
         if direction.size < MIN_CHANNELS:
             text = f"{direction.size} channels in one direction are too few to check sign, scale and exchange"
-            yield Verdict(check="sign", level="warn", channel=(), band=None, message=text)
+            yield Verdict(check="sign", level="warn", message=text)
             continue
         faults = contradictions(frf, measurement.geometry, direction, _BELIEVED)
         for fault in faults:
@@ -451,7 +451,7 @@ def _spatial(
                     "the shapes are rougher than neighbouring points allow, and no single fault explains it: "
                     "compare the resonances of the runs, which a roving sensor's mass shifts"
                 )
-                yield Verdict(check="neighbours", level="warn", channel=(), band=None, message=text)
+                yield Verdict(check="neighbours", level="warn", message=text)
                 continue
             names = _names(frf, fault.channel)
             off = max(fault.factor, 1 / fault.factor) if fault.factor > 0 else np.inf
@@ -474,9 +474,9 @@ def _spatial(
         turned = [c for fault in faults if fault.kind == "sign" for c in fault.channel]
         blind = undetectable_signs(frf, measurement.geometry, np.setdiff1d(direction, turned), _BELIEVED)
         if blind.size:
-            names = ", ".join(frf.output.name(int(c)) for c in blind[:6]) + (", ..." if blind.size > 6 else "")
+            names = listing([frf.output.name(int(c)) for c in blind], 6)
             text = f"too few points or modes to tell the sign of {blind.size} channels: {names}"
-            yield Verdict(check="sign", level="warn", channel=(), band=None, message=text)
+            yield Verdict(check="sign", level="warn", message=text)
 
 
 def _parallel(frf: FRF, sound: Integers) -> Iterator[Integers]:
@@ -490,8 +490,8 @@ def _parallel(frf: FRF, sound: Integers) -> Iterator[Integers]:
 
 def _reciprocity(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     """Compare functions whose response and force DOFs are those of another one exchanged."""
-    place = {(int(frf.output.node[c]), tuple(np.round(frf.output.direction[c], 4))): int(c) for c in sound}
-    force = [(int(n), tuple(np.round(d, 4))) for n, d in zip(frf.input.node, frf.input.direction, strict=True)]
+    output, force = dof_keys(frf.output), dof_keys(frf.input)
+    place = {output[c]: int(c) for c in sound}
     for j, first in enumerate(force):
         for k, second in enumerate(force[:j]):
             if first not in place or second not in place:
@@ -501,7 +501,7 @@ def _reciprocity(frf: FRF, sound: Integers) -> Iterator[Verdict]:
             if error > 0.1:
                 text = f"{frf.input.name(k)} and {frf.input.name(j)}: both ways differ by {100 * error:.0f} %"
                 pair = tuple(sorted({place[first], place[second]}))
-                yield Verdict(check="reciprocity", level="warn", channel=pair, band=None, message=text)
+                yield Verdict(check="reciprocity", level="warn", channel=pair, message=text)
 
 
 def _units(measurement: Measurement, sound: Integers, *, lines_of_mass: int = 512) -> Iterator[Verdict]:
@@ -512,7 +512,7 @@ def _units(measurement: Measurement, sound: Integers, *, lines_of_mass: int = 51
     size = float(np.ptp(measurement.geometry.coordinate, axis=0).max()) if several else 0.0
     if several and not plausible[0] < size < plausible[1]:
         text = f"the structure is {size:.3g} m long: check [points] unit"
-        yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
+        yield Verdict(check="unit", level="warn", message=text)
     lines = frf.frequency > 0
     if not sound.size or not lines.any():
         return
@@ -523,7 +523,7 @@ def _units(measurement: Measurement, sound: Integers, *, lines_of_mass: int = 51
     mass = 1 / float(np.median(np.concatenate(sizes)))
     if not masses[0] < mass < masses[1]:
         text = f"the apparent mass is {mass:.2g} kg in the median: check [measurement] unit"
-        yield Verdict(check="unit", level="warn", channel=(), band=None, message=text)
+        yield Verdict(check="unit", level="warn", message=text)
     yield from phases(frf, sound)
 
 
@@ -531,10 +531,10 @@ def _resolution(frf: FRF, sound: Integers) -> Iterator[Verdict]:
     step = float(np.median(np.diff(frf.frequency)))
     coarse = [p for p in peaks(frf, sound) if p.bandwidth < MIN_LINES * step]
     if coarse:
-        listed = ", ".join(f"{p.frequency:.5g} Hz ({p.bandwidth / step:.1f} lines)" for p in coarse[:6])
+        listed = listing([f"{p.frequency:.5g} Hz ({p.bandwidth / step:.1f} lines)" for p in coarse], 6)
         text = (
             f"{len(coarse)} resonance{'s have' if len(coarse) > 1 else ' has'} fewer than {MIN_LINES:.0f} lines in the "
-            f"half-power bandwidth, which makes the damping doubtful: {listed}{', ...' if len(coarse) > 6 else ''}"
+            f"half-power bandwidth, which makes the damping doubtful: {listed}"
         )
         band = (min(p.frequency for p in coarse), max(p.frequency for p in coarse))
-        yield Verdict(check="resolution", level="warn", channel=(), band=band, message=text)
+        yield Verdict(check="resolution", level="warn", band=band, message=text)

@@ -138,17 +138,17 @@ def _whole(
     bands = [f"{edge[k]:.5g}-{edge[k + 1]:.5g} Hz {around[k]:.2f}" for k in weak]
     text += f"; least in {listing(bands, 6)}" if bands else ""
     if mean >= warn and not weak:
-        return Verdict(check="explained", level="pass", channel=(), band=None, message=text)
+        return Verdict(check="explained", level="pass", message=text)
     if mean >= warn:
         band = (float(edge[min(weak)]), float(edge[max(weak) + 1]))
         text += ": noise, modes that are missing, or runs that differ"
-        return Verdict(check="explained", level="warn", channel=(), band=band, message=text)
+        return Verdict(check="explained", level="warn", band=band, message=text)
     text += ": modes are missing, runs differ, or the structure is not linear"
     if mean >= fail:
         channels = tuple(int(c) for c in poor)
-        return Verdict(check="explained", level="warn", channel=channels, band=None, message=text)
+        return Verdict(check="explained", level="warn", channel=channels, message=text)
     text = f"the identification has failed: {text}; do not use these modes"
-    return Verdict(check="explained", level="fail", channel=(), band=None, message=text)
+    return Verdict(check="explained", level="fail", message=text)
 
 
 def _peaks(
@@ -175,7 +175,7 @@ def _peaks(
             f"{len(further)} further and smaller peaks from {band[0]:.5g} to {band[1]:.5g} Hz that no mode was found "
             "for; so many are those of noise or of a rattle: give a 'band' that ends before it"
         )
-        yield Verdict(check="peak", level="warn", channel=(), band=band, message=text)
+        yield Verdict(check="peak", level="warn", band=band, message=text)
 
 
 def _unexplained(share: float) -> str:

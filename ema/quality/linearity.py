@@ -10,9 +10,9 @@ import numpy as np
 from ema.campaign.measurement import Measurement
 from ema.quality.channels import check, usable
 from ema.quality.peaks import Peak, peaks, summed_power
-from ema.quality.verdict import Verdict
+from ema.quality.verdict import Verdict, listing
 from ema.types.errors import MeasurementError
-from ema.types.frf import DERIVATIVE, FRF, Dofs
+from ema.types.frf import DERIVATIVE, FRF, dof_keys, shared_dofs
 from lamella_arrays import Integers, Reals
 
 NOT_LINEAR = ": not linear"
@@ -98,12 +98,12 @@ def check_linearity(
         The two share no output, or differ in force DOFs or frequency lines.
     """
     frf, other = (m.frf if band is None else m.frf.band(*band) for m in (first, second))
-    rows, its = _common(frf, other)
+    rows, its = shared_dofs((frf.output, other.output))
     difference = (
         "outputs"
         if not rows.size
         else "force DOFs"
-        if _keys(frf.input) != _keys(other.input)
+        if dof_keys(frf.input) != dof_keys(other.input)
         else "frequency lines"
         if frf.frequency.shape != other.frequency.shape or not np.allclose(frf.frequency, other.frequency)
         else None
@@ -163,10 +163,8 @@ def _resonances(
         if moved:
             yield _verdict("warn", f"{text}{NOT_LINEAR}", band=band)
         elif odd.size:
-            listed = ", ".join(
-                f"{frf.output.name(int(rows[c]))} by {100 * (after[c] / before[c] - 1):+.0f} %" for c in odd[:6]
-            )
-            text = f"{text}, but that of {listed}{', ...' if odd.size > 6 else ''}: check these sensors"
+            parts = [f"{frf.output.name(int(rows[c]))} by {100 * (after[c] / before[c] - 1):+.0f} %" for c in odd]
+            text = f"{text}, but that of {listing(parts, 6)}: check these sensors"
             yield _verdict("warn", text, tuple(int(rows[c]) for c in odd), band)
         else:
             yield _verdict("pass", text, band=band)
@@ -200,17 +198,3 @@ def _height(frf: FRF, channels: Integers, peak: Peak, bandwidth: float | None = 
     """Root mean square of each channel over a bandwidth around a peak, ``(n_channel,)``."""
     lines = np.abs(frf.frequency - frf.frequency[peak.line]) <= 0.5 * (bandwidth or peak.bandwidth)
     return np.sqrt(np.mean(np.abs(frf.value[channels][..., lines]) ** 2, axis=(1, 2)))
-
-
-def _keys(dofs: Dofs) -> list[tuple[int, tuple[float, ...]]]:
-    return [
-        (int(n), tuple(float(v) for v in np.round(d, 4) + 0.0)) for n, d in zip(dofs.node, dofs.direction, strict=True)
-    ]
-
-
-def _common(first: FRF, second: FRF) -> tuple[Integers, Integers]:
-    """Positions of the outputs that both have, in either of them."""
-    place = {key: c for c, key in enumerate(_keys(second.output))}
-    pairs = [(c, place[key]) for c, key in enumerate(_keys(first.output)) if key in place]
-    rows, its = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    return rows, its

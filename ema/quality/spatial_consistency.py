@@ -80,13 +80,13 @@ def phases(frf: FRF, sound: Integers, *, in_phase: float = 0.7, fewest_lines: fl
     other = "mobility" if expected < 0 else "accelerance or receptance"
     text = f"given as {frf.quantity}, but {decided.sum()} of {decided.size} resonances have the phase of {other}"
     if np.count_nonzero(resolved) >= 2:
-        yield Verdict(check="unit", level="fail", channel=(), band=None, message=text)
+        yield Verdict(check="unit", level="fail", message=text)
     else:
         text += (
             "; they are narrower than the lines resolve, so that the end of the record may have turned it: check the "
             "quantity, and take longer blocks"
         )
-        yield Verdict(check="resolution", level="warn", channel=(), band=None, message=text)
+        yield Verdict(check="resolution", level="warn", message=text)
 
 
 FEWEST_POINTS = 6

@@ -231,7 +231,7 @@ def run_states(frf: FRF, channels: Integers, *, fewest_runs: int = 4, most_of: f
         f"{100 * within:.0f} % or more. Put each state into a configuration of its own, or take the files "
         "that belong here"
     )
-    yield Verdict(check="states", level="fail", channel=(), band=None, message=message)
+    yield Verdict(check="states", level="fail", message=message)
 
 
 def _resonances(frf: FRF, channels: Integers, *, fewest_peaks: int = 3) -> tuple[Integers, list[Reals]]:

@@ -34,9 +34,9 @@ class Verdict:
 
     check: str
     level: Literal["pass", "warn", "fail"]
-    channel: tuple[int, ...]
-    band: tuple[float, float] | None
     message: str
+    channel: tuple[int, ...] = ()
+    band: tuple[float, float] | None = None
     force: tuple[int, ...] = ()
     point: tuple[int, ...] = ()
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -180,6 +181,18 @@ class Dof(NamedTuple):
     direction: tuple[float, float, float]
 
 
+class DofSet(Protocol):
+    """Anything that has degrees of freedom: `Dofs`, or modes measured at them."""
+
+    @property
+    def node(self) -> Integers:
+        """Point number of each DOF (n_dof,)."""
+
+    @property
+    def direction(self) -> Reals:
+        """Direction of each DOF (n_dof, 3)."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"any": "node", "node 3": "direction"})
 class Dofs:
@@ -203,6 +216,18 @@ class Dofs:
         if abs(direction[axis]) < 0.999:
             return f"{self.node[index]} along {np.round(direction, 3).tolist()}"
         return f"{self.node[index]}{'+' if direction[axis] > 0 else '-'}{'xyz'[axis]}"
+
+
+def dof_keys(dofs: DofSet) -> list[tuple[float, ...]]:
+    """Return each DOF as a key: its point and its direction to four digits."""
+    return [(int(n), *(np.round(d, 4) + 0.0).tolist()) for n, d in zip(dofs.node, dofs.direction, strict=True)]
+
+
+def shared_dofs(sets: Sequence[DofSet]) -> tuple[Integers, ...]:
+    """Return for each set the positions of the DOFs that all of them have, in the order of the first."""
+    places = [{key: k for k, key in enumerate(dof_keys(dofs))} for dofs in sets]
+    common = [key for key in places[0] if all(key in other for other in places)]
+    return tuple(np.array([place[key] for key in common], dtype=np.int64) for place in places)
 
 
 def driving_points(output: Dofs, inputs: Dofs) -> list[tuple[int, int, float]]:

@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 import ema
 from ema.campaign.draft import draft
-from ema.campaign.draft_file import draft_modes, modes_draft_file
+from ema.campaign.draft_file import draft_file, draft_modes
 from ema.types.errors import CampaignError
 
 FREQUENCY, DAMPING = np.array([101.25, 207.5, 333.0]), np.array([0.004, 0.006, 0.011])
@@ -33,7 +33,7 @@ def read(folder, **files):
     (folder / "points.csv").write_text(POINTS)
     for name, text in files.items():
         (folder / (f"{name}.csv" if "," in text or ";" in text else f"{name}.uff")).write_text(text)
-    (folder / "campaign.toml").write_text(modes_draft_file(draft_modes(folder)).text)
+    (folder / "campaign.toml").write_text(draft_file(draft_modes(folder)).text)
     campaign = ema.read_campaign(folder / "campaign.toml")
     return ema.read_modes(campaign, campaign.configurations[0].name)
 

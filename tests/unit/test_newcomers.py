@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 from ema.campaign.campaign import read_campaign
 from ema.campaign.draft import draft
-from ema.campaign.draft_file import draft_file, draft_modes, modes_draft_file
+from ema.campaign.draft_file import draft_file, draft_modes
 from ema.campaign.measurement import read_measurement
 from ema.io.uff58 import encode_58b
 from ema.types.errors import CampaignError, MeasurementError
@@ -698,5 +698,4 @@ def test_no_guess_crashes_on_damaged_files(tmp_path, name):
         for file in (tmp_path / "whole").iterdir():
             (folder / file.name).write_bytes(damaged(rng, file.read_bytes()))
         with contextlib.suppress(CampaignError, MeasurementError):
-            modes = draft_modes(folder)
-            draft_file(draft(folder)) if modes is None else modes_draft_file(modes)
+            draft_file(draft_modes(folder) or draft(folder))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ema.campaign.draft import draft
-from ema.campaign.draft_file import draft_file, draft_modes, modes_draft_file, write_draft
+from ema.campaign.draft_file import draft_file, draft_modes, write_draft
 from ema.types.errors import CampaignError
 from model.matrices.text import write_structure
 from updating.commands.terminal import OUT, print_lines
@@ -16,17 +16,16 @@ def new_command(folder: Path) -> None:
     structure = write_structure(folder) if folder.is_dir() else None
     if structure is not None:
         OUT.print(f"Structure: {structure}; fill in units and reduction.band_Hz, and what may vary; see lamella model.")
-    modes = draft_modes(folder)
     try:
-        drafted = draft(folder) if modes is None else modes.found
+        drafted = draft_modes(folder) or draft(folder)
     except CampaignError as error:
         if structure is None:
             raise
         OUT.print(f"No campaign: {error}", soft_wrap=True)
         return
-    file = draft_file(drafted) if modes is None else modes_draft_file(modes)
+    file = draft_file(drafted)
     path = write_draft(drafted, file)
-    for name, files in ({} if modes is None else modes.files).items():
+    for name, files in drafted.modes.items():
         OUT.print(f"  {name}: modes in {', '.join(f.name for f in files)}")
     for name, contents in drafted.configurations.items():
         n_frf = sum(len(c.dofs) for c in contents)

@@ -21,7 +21,7 @@ from ema.campaign.campaign_file import (
     IdentificationSection,
     MeasurementSection,
     PointsSection,
-    ReassemblySection,
+    Reassembly,
     RecordNames,
     RunSection,
     TitleSection,
@@ -126,7 +126,7 @@ class SpecimensFile(Section):
     specimen: tuple[SpecimenSection, ...] = Field(min_length=2)
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
-    reassembly: ReassemblySection = ReassemblySection()
+    reassembly: Reassembly = Reassembly()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
