@@ -13,6 +13,7 @@ Plain files, and files in TOML that have a form.
 from __future__ import annotations
 
 import ast
+import csv
 import difflib
 import errno
 import io
@@ -119,6 +120,15 @@ def html_table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]],
     body = "".join(line("td", row) for row in rows)
     below = f"<p>{escape(note)}</p>" if note else ""
     return f"<p><strong>{escape(title)}</strong></p><table>{head}<tbody>{body}</tbody></table>{below}"
+
+
+def csv_text(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows below a line of names as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def plain_bytes(path: Path) -> bytes:

@@ -7,8 +7,6 @@ terms for the modes below and above the band, so that numbers go from one to the
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,7 +23,7 @@ from ema.types.errors import IdentificationError, MeasurementError
 from ema.types.frf import FRF, Dof, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel, synthesize
 from lamella_arrays import Complexes, Reals, frozen
-from lamella_shared import plain_bytes
+from lamella_shared import csv_text, plain_bytes
 
 
 def synthesized_frf(modal_model: ModalModel, step: float, quantity: Quantity) -> FRF:
@@ -81,7 +79,8 @@ def write_modes_csv(path: Path, modal_model: ModalModel) -> None:
         (r + 1, *map(repr, map(float, row)), scaled[r], *(f"{value:.6g}" for value in measure), words[r])
         for r, (row, measure) in enumerate(zip(rows, measures, strict=True))
     ]
-    _write_rows(path, header, table)
+    with whole(path, MeasurementError) as part:
+        part.write_text(csv_text(header, table), encoding="utf-8")
 
 
 def write_shapes_csv(path: Path, modal_model: ModalModel) -> None:
@@ -97,14 +96,8 @@ def write_shapes_csv(path: Path, modal_model: ModalModel) -> None:
         )
         for node, direction, shape in zip(modal_model.node, modal_model.direction, modal_model.shape, strict=True)
     ]
-    _write_rows(path, header, rows)
-
-
-def _write_rows(path: Path, header: list[str] | tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> None:
-    with whole(path, MeasurementError) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(header)
-        writer.writerows(rows)
+    with whole(path, MeasurementError) as part:
+        part.write_text(csv_text(header, rows), encoding="utf-8")
 
 
 HEADER = (

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ema.modal.change import KINDS, Change
 from lamella_arrays import Integers, Reals
+from lamella_shared import csv_text
 
 _COLUMNS = (
     "mode", "reference_mode", "frequency_Hz", "reference_frequency_Hz", "frequency_shift", "frequency_scatter",
@@ -38,22 +37,17 @@ def change_csv(change: Change) -> str:
 
     Shifts are differences of logarithms, state less reference, scatters their standard deviations without a change.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_COLUMNS)
-    which = change.which
-    for r in range(change.mode.size):
-        f, d, s = change.probability[r]
-        writer.writerow(
-            (
-                change.mode[r] + 1, change.reference_mode[r] + 1, change.frequency[r], change.reference_frequency[r],
-                change.frequency_shift[r], change.frequency_scatter[r], f, change.damping[r],
-                change.reference_damping[r], change.damping_shift[r], change.damping_scatter[r], d, change.mac[r],
-                np.rad2deg(change.angle[r]), np.rad2deg(np.arcsin(np.minimum(change.angle_scatter[r], 1.0))), s,
-                " ".join(what for what, is_other in zip(KINDS, which[r], strict=True) if is_other),
-            )
-        )  # fmt: skip
-    return text.getvalue()
+    rows = (
+        (
+            change.mode[r] + 1, change.reference_mode[r] + 1, change.frequency[r], change.reference_frequency[r],
+            change.frequency_shift[r], change.frequency_scatter[r], f, change.damping[r], change.reference_damping[r],
+            change.damping_shift[r], change.damping_scatter[r], d, change.mac[r], np.rad2deg(change.angle[r]),
+            np.rad2deg(np.arcsin(np.minimum(change.angle_scatter[r], 1.0))), s,
+            " ".join(what for what, is_other in zip(KINDS, change.which[r], strict=True) if is_other),
+        )
+        for r, (f, d, s) in enumerate(change.probability)
+    )  # fmt: skip
+    return csv_text(_COLUMNS, rows)
 
 
 def _unchanged(change: Change) -> str:

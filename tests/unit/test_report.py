@@ -8,11 +8,12 @@ import pytest
 from PIL import Image
 
 from ema import Geometry
+from lamella_shared import csv_text
 from updating import StoreError
 from updating.fitting.plots import point_displacement
 from updating.report import files
 from updating.report.page import render
-from updating.report.part import Picture, Section, as_csv, fewer_colours
+from updating.report.part import Picture, Section, fewer_colours
 from updating.results.text import Table
 
 
@@ -66,7 +67,7 @@ def test_sections_hand_out_the_pictures_within_them():
 
 def test_numbers_of_a_figure_keep_full_precision():
     value = 0.1 + 0.2
-    text = as_csv(("a [m]", "b"), [(value, 1)])
+    text = csv_text(("a [m]", "b"), [(value, 1)])
     assert text.splitlines()[0] == "a [m],b"
     assert float(text.splitlines()[1].split(",")[0]) == value
 

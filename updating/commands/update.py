@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +15,7 @@ from ema import read_campaign
 from ema.io.files import Section
 from ema.plot.figures import as_png
 from ema.types.arrays import single_threaded
-from lamella_shared import read_form
+from lamella_shared import csv_text, read_form
 from model.stack.stack_file import stack_inputs
 from updating.commands.diagnose import by_level, changed_names
 from updating.commands.fit import ledger_table
@@ -296,8 +294,5 @@ def _write(result: Updated, inputs: tuple[Path, ...], given: UpdateFile, output:
 
 
 def _csv(rows: Sequence[Sequence[object]]) -> bytes:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows(
-        [["" if isinstance(v, float) and not np.isfinite(v) else v for v in row] for row in rows]
-    )
-    return text.getvalue().encode()
+    blank = (["" if isinstance(v, float) and not np.isfinite(v) else v for v in row] for row in rows)
+    return csv_text(next(blank), blank).encode()

@@ -16,9 +16,10 @@ from ema.plot.figures import UNIT, pole_groups, stabilization_figure
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from lamella_arrays import Complexes, Reals
+from lamella_shared import csv_text
 from updating.correlation.plots import chosen_functions, overlay_figure, synthesized, within_band
 from updating.fitting.fit import Fit
-from updating.report.part import Chart, Picture, Section, as_csv, axis, legend_above, png, single
+from updating.report.part import Chart, Picture, Section, axis, legend_above, png, single
 from updating.report.results import Tested, fracs, modelled
 from updating.results.text import Table
 
@@ -155,7 +156,7 @@ def stabilization_picture(
         name=f"stabilization_{tested.name}",
         content=png(stabilization_figure(diagram, stability=stable)),
         form="png",
-        data=as_csv(
+        data=csv_text(
             (
                 "order", "frequency [Hz]", "damping ratio [1]", "cluster (-1: none)", "stable frequency",
                 "stable damping", "stable shape",
@@ -315,7 +316,7 @@ def _numbers(lines: FRF, curves: Mapping[str, Complexes], chosen: Sequence[int])
         if lines.coherence is not None:
             columns.append(lines.coherence[o, 0])
             names.append(f"{name} coherence")
-    return as_csv(names, zip(*columns, strict=True))
+    return csv_text(names, zip(*columns, strict=True))
 
 
 def frf_title(tested: Tested) -> str:

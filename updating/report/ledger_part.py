@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from ema.plot import palette
+from lamella_shared import csv_text
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError
 from updating.fitting.fit import Estimate
-from updating.report.part import Chart, Picture, Section, as_csv, axis, charted
+from updating.report.part import Chart, Picture, Section, axis, charted
 from updating.report.results import Results, Tested
 from updating.results.ledger import Entry
 from updating.results.text import Z95, Table, abscissa, ends, in_percent, interval_text, percent, uncertain
@@ -287,7 +288,7 @@ def signature_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
             charted(
                 "signatures" if len(groups) == 1 else f"signatures_{number}",
                 signature_chart(errors, {diagnosis.labels.get(e, e): s for e, s in signatures.items()}),
-                data=as_csv(
+                data=csv_text(
                     ("configuration", "mode", "frequency [Hz]", "its std [Hz]", "lacking", *signatures),
                     (
                         (e.configuration, e.mode, e.frequency, e.std, -e.base, *(s[k] for s in signatures.values()))

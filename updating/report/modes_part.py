@@ -15,24 +15,12 @@ from ema.plot import palette
 from ema.quality.verdict import NOTES, label, meaning
 from ema.types.modal_model import frequency_text
 from lamella_arrays import Reals
+from lamella_shared import csv_text
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import AZIMUTH, ELEVATION, SWELL, ShapePair, faces, shape_pair_figure, shape_pairs
 from updating.report.frf_part import frf_title
-from updating.report.part import (
-    ByModel,
-    Chart,
-    Gallery,
-    Picture,
-    Section,
-    anchor,
-    as_csv,
-    axis,
-    charted,
-    of_model,
-    png,
-    single,
-)
+from updating.report.part import ByModel, Chart, Gallery, Picture, Section, anchor, axis, charted, of_model, png, single
 from updating.report.results import Tested
 from updating.results.text import Z95, Table, parameter_text, uncertain
 
@@ -306,7 +294,7 @@ def comac_picture(tested: Tested, fit: ModelFit) -> Picture:
     return charted(
         f"comac_{tested.name}",
         comac_chart(points),
-        data=as_csv(
+        data=csv_text(
             ("point", "x", "y", "z", "CoMAC", "S-CoMAC", "eCoMAC", "difference", "difference from noise"),
             zip(points.node, *points.direction.T, points.comac, points.s_comac, points.e_comac, points.error,
                 points.error_std, strict=True),
@@ -448,7 +436,7 @@ def _still(name: str, number: int, pair: ShapePair, names: tuple[str, str]) -> P
         name=f"shape_{name}_{number:02d}",
         content=png(shape_pair_figure(pair, names)),
         form="png",
-        data=as_csv(
+        data=csv_text(
             [f"{n}{axis} [{'m' if not n else 'over the largest'}]" for n in parts for axis in "xyz"], np.hstack(columns)
         ),
         alt=_title(number, pair, names),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 import gzip
 import io
 import json
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from ema.plot import palette
 from lamella_arrays import Reals
+from lamella_shared import csv_text
 from updating.results.text import Shown, Table
 
 if TYPE_CHECKING:
@@ -259,15 +259,6 @@ def _paletted(image: Image.Image, n_colour: int) -> bytes:
     return buffer.getvalue()
 
 
-def as_csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Write numbers as CSV with a line of names and units above."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()
-
-
 def renderer() -> str:
     """Return plotly.js, which draws the charts, from the installed package; a page holds it once."""
     return (files("plotly") / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
@@ -322,7 +313,7 @@ class Chart:
         """The numbers that are drawn: a heat map as a matrix, all else as a row for each point."""
         first = self.traces[0]
         if first["type"] == "heatmap":
-            return as_csv(("", *first["x"]), ((y, *row) for y, row in zip(first["y"], first["z"], strict=True)))
+            return csv_text(("", *first["x"]), ((y, *row) for y, row in zip(first["y"], first["z"], strict=True)))
         rows: list[Sequence[object]] = []
         for trace in self.traces:
             sides = [self.layout.get(f"{k}axis{trace.get(f'{k}axis', k)[1:]}", {}) for k in "xy"]
@@ -334,7 +325,7 @@ class Chart:
             for a, b, less, more in zip(cells, y, down, up, strict=True):
                 ends = (f"{b - less:.6g}", f"{b + more:.6g}") if "error_y" in trace else ("", "")
                 rows.append((trace.get("name", ""), titles[0], a, titles[1], b, *ends))
-        return as_csv(("series", "across", "x", "upwards", "y", "lower", "upper"), rows)
+        return csv_text(("series", "across", "x", "upwards", "y", "lower", "upper"), rows)
 
 
 def charted(

@@ -13,6 +13,7 @@ from ema.plot import palette
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
 from lamella_arrays import Complexes, Integers, Reals
+from lamella_shared import csv_text
 from model import catalogue
 from model.stack.effect import Family
 from updating.correlation.localization import ENERGY_KINDS, ErrorMap, map_error, regions, stiffness_index
@@ -28,7 +29,6 @@ from updating.report.part import (
     Gallery,
     Picture,
     Section,
-    as_csv,
     axis,
     charted,
     fewer_colours,
@@ -145,7 +145,7 @@ def comac_picture(change: Change) -> Picture:
         name=f"change_comac_{change.name}",
         content=svg(comac_figure(change)),
         form="svg",
-        data=as_csv(
+        data=csv_text(
             ("point", "direction x", "direction y", "direction z", "x [m]", "y [m]", "z [m]", "CoMAC"),
             ((n, *d, *p, c) for n, d, p, c in zip(change.node.tolist(), change.direction, change.location, change.comac,
                                                   strict=True)),
@@ -366,7 +366,7 @@ def map_picture(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> Pictur
         name=f"error_map_{tested.name}",
         content=fewer_colours(error_map_picture(errors, fit.stack, kind)),
         form="png",
-        data=as_csv(
+        data=csv_text(
             ("x [m]", "y [m]", "z [m]", *(f"{k}: error over its mean" for k in ENERGY_KINDS[:-1])),
             zip(*columns, strict=True),
         ),

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from lamella_shared import csv_text
 from updating.fitting.fit import ParameterEstimate
 from updating.results.store import write_bytes, write_result
 
@@ -69,8 +68,5 @@ def write_ledger(
         "error", "mode_error", "configuration_error", "damping_error", "mode_damping_error",
         "configuration_damping_error", "chi_square", "n_residual",
     ]  # fmt: skip
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["model", *columns])
-    writer.writerows([" + ".join(("base", *e.effects)), *(getattr(e, c) for c in columns)] for e in entries)
-    write_bytes(output / "ledger.csv", text.getvalue().encode())
+    rows = ([" + ".join(("base", *e.effects)), *(getattr(e, c) for c in columns)] for e in entries)
+    write_bytes(output / "ledger.csv", csv_text(["model", *columns], rows).encode())
