@@ -26,8 +26,7 @@ from ema.identification.identify import Failure, Identification, identify, ident
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.io.found_modes import ModesStd
 from ema.io.uff import write_uff
-from ema.modal.change import Change, change
-from ema.modal.change_text import change_csv, change_sentence
+from ema.modal.change import Change, change, change_csv, change_sentence
 from ema.modal.configurations import Comparison, Repeats, compare, contradicted, repeats
 from ema.modal.mac import (
     Complexity,
