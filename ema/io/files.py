@@ -66,6 +66,8 @@ FORCE = re.compile(
 _DOF = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
 _CALLED = r"(?<![A-Za-z0-9])(?:p|pt|pnt|point|node|punkt|knoten|to[cč]ka)[ .:]*(\d{1,9})"
 _POINT = re.compile(_CALLED + r"[ :]*([+-]?[xyz][+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
+_PARTED = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}) +(?=[+-][xyz](?![A-Za-z0-9]))", re.IGNORECASE)
+_OF_POWERS = re.compile(r"(?<![\w-])\w{1,2}(?: s\^?[-⁻][12¹²])? [kmu]?(?:N|lbf)\^?[-⁻][1¹](?![\w-])")
 _POINT_ALONE = re.compile(_CALLED + r"(?![A-Za-z0-9])", re.IGNORECASE)
 
 
@@ -159,8 +161,8 @@ def lacks_sign(text: str) -> bool:
 
 
 def _plain(text: str) -> str:
-    """Return a text in which a DOF such as ``P12_Z`` stands as ``12Z``."""
-    return _POINT.sub(r"\1\2", text.replace("_", " "))
+    """Return a text in which a DOF such as ``P12_Z`` or ``12 +Z`` stands as ``12Z``."""
+    return _PARTED.sub(r"\1", _POINT.sub(r"\1\2", text.replace("_", " ")))
 
 
 def dof_name(code: Code | None) -> str:
@@ -196,10 +198,10 @@ def ratios_in(text: str) -> Iterator[tuple[str, Unit]]:
     in_brackets = re.findall(r"[\[(]([^\[\]\s,;]*/[^\[\]\s,;]*)[\])](?=[\s,;]|$)", text)
     in_brackets += [re.sub(r"\s", "", label) for label in re.findall(r"\[([^\[\],;]*/[^\[\],;]*)\]", text)]
     in_brackets += re.findall(r"\bre\.? *1? *([^\s,;]*/[^\s,;]*)[\])](?=[\s,;]|$)", text)  # of decibels
-    for word in (*re.split(r"[\s,;]+", text), *in_brackets):
+    for word in (*re.split(r"[\s,;]+", text), *in_brackets, *_OF_POWERS.findall(text)):
         label = word.strip("[]\"'")
         try:
-            if ("/" in label or "^-1" in label) and re.search("[A-Za-z]", label):  # else it is a date
+            if re.search("/|-1|⁻¹", label) and re.search("[A-Za-z]", label):  # else it is a date
                 yield label, parse_unit(label)
         except MeasurementError:
             continue

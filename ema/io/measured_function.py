@@ -261,7 +261,9 @@ _UNITS: dict[str, tuple[float, int, int, int]] = {
     **dict.fromkeys(("pound", "pounds"), (4.4482216152605, 0, 0, 1)),
 }
 _FOLDED = {label.casefold(): value for label, value in reversed(_UNITS.items())}
-_SPELLING = str.maketrans({"²": "2", "³": "3", "µ": "u", "μ": "u", "·": "*", "×": "*", "[": "(", "]": ")"})
+_SPELLING = str.maketrans(
+    {"⁻": "-", "¹": "1", "²": "2", "³": "3", "µ": "u", "μ": "u", "·": "*", "×": "*", "[": "(", "]": ")"}
+)
 _TOKEN = re.compile(r"([A-Za-z]+)(?:\^?(-?\d+))?|([*/()])|(\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)")
 _METRE_PER_SECOND = re.compile(r"(?<![A-Za-z])(mm|cm|um|nm|m|in|ft)s\^?\(?-([12])\)?")
 """``ms-2`` is the metre per square second; per square millisecond nothing is measured."""

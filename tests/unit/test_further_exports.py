@@ -278,3 +278,27 @@ def test_a_header_that_states_a_time_is_no_title_of_the_rows_that_are_counted(tm
     (tmp_path / "a.txt").write_text("\n".join([*head, *rows]) + "\n", encoding="latin-1")
     frf = measured(tmp_path, input='["1+z"]', output='["1+z"]')[1].frf
     np.testing.assert_allclose(frf.value[0, 0], H[:, 0], rtol=1e-6)
+
+
+def test_points_directions_and_units_in_rows_of_a_header(tmp_path):
+    rows = [["Point", 1, 1, 2, 2, 3, 3], ["Direction", *["+Z"] * 6], ["Part", *["Re", "Im"] * 3]]
+    rows += [["Unit", *["mm s-2 N-1"] * 6], ["Reference", *["3:+Z"] * 6]]
+    value = 1.0 / H
+    rows += [[f, *(1e3 * p for h in row for p in (h.real, h.imag))] for f, row in zip(F, value, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join(",".join(map(str, row)) for row in rows) + "\n")
+    frf = measured(tmp_path)[1].frf
+    check(frf, value)
+    assert frf.input.name(0) == "3+z"
+
+
+def test_an_apparent_mass_is_refused_by_its_title(tmp_path):
+    rows = [f"{f},{h.real},{h.imag}" for f, h in zip(F, 1.0 / H[:, 0], strict=True)]
+    (tmp_path / "P1.csv").write_text("Frequency [Hz],Real [kg],Imag [kg]\n" + "\n".join(rows) + "\n")
+    with pytest.raises(CampaignError, match="states the unit kg, which is no response over a force"):
+        draft(tmp_path)
+
+
+@pytest.mark.parametrize("label", ["m s-2 N-1", "Acc [m s⁻² N⁻¹]", "m·s⁻²·N⁻¹"])
+def test_units_of_negative_powers_are_found_in_headers(label):
+    assert unit_in(label) == label.removeprefix("Acc [").removesuffix("]")
+    assert unit_in("run-1 of 2024-01-01") is None

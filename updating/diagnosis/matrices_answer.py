@@ -74,8 +74,9 @@ class MatricesFit(ModelFit):
                 0,
                 f"{self.name}: the terms take away less than half of the frequency error: {self.error:.2%} of "
                 f"{self.initial_error:.2%} stays, where the measurement states {self.stated_error:.2%}: shapes and "
-                "priors allow no values that meet the frequencies, so something is missing that no term describes, or "
-                "the priors are too narrow; lamella diagnose asks what",
+                "priors allow no values that meet the frequencies, so something is missing that no term describes, "
+                "which lamella diagnose asks for; or the priors are too narrow, or shapes are trusted too far "
+                "(shape_std in [modes])",
             )
         return tuple(found)
 
