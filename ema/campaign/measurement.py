@@ -130,7 +130,7 @@ def _merged(campaign: Campaign, configuration: Configuration) -> Measurement:
         raise MeasurementError(f"{campaign.path}: configuration {configuration.name!r}: its files hold no usable FRF")
     entries = _as_one_run(configuration, entries, notes)
     _require_not_negative(entries)
-    entries = _with_axis(entries, notes)
+    entries = _one_sided(_with_axis(entries, notes), notes)
     entries = _one_quantity(entries, notes)
     entries = with_finite_lines(_one_axis(entries, notes), campaign.identification.band, notes)
     pairs = _without_duplicates(entries, notes)
@@ -367,6 +367,23 @@ def _turned_round(entry: _Entry) -> _Entry:
     """Return a function with its lines in the opposite order, as a sweep downwards gives them."""
     coherence = None if entry.coherence is None else entry.coherence[::-1]
     return replace(entry, frequency=entry.frequency[::-1], value=entry.value[::-1], coherence=coherence)
+
+
+def _one_sided(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
+    """Leave out the lines above half the sampling rate that a discrete Fourier transform has: mirror images."""
+    alike = 1e-6  # of the whole: rounding
+    good = []
+    for given in entries:
+        entry, value = given, given.value[np.count_nonzero(given.frequency == 0.0) :]
+        n = value.size // 2  # mirror images; the line between them, if there is one, is its own
+        apart = np.linalg.norm(value[:n] - value[: -n - 1 : -1].conj())
+        if value.imag.any() and apart < alike * np.linalg.norm(value):
+            one = slice(len(given.value) - n)
+            coherence = None if given.coherence is None else given.coherence[one]
+            entry = replace(given, frequency=given.frequency[one], value=given.value[one], coherence=coherence)
+            notes.append(f"{given.source}: its lines above {entry.frequency[-1]:g} Hz mirror those below; left out")
+        good.append(entry)
+    return good
 
 
 def _one_quantity(entries: list[_Entry], notes: list[str]) -> list[_Entry]:

@@ -302,3 +302,16 @@ def test_an_apparent_mass_is_refused_by_its_title(tmp_path):
 def test_units_of_negative_powers_are_found_in_headers(label):
     assert unit_in(label) == label.removeprefix("Acc [").removesuffix("]")
     assert unit_in("run-1 of 2024-01-01") is None
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("n", [40, 41])
+def test_mirror_images_above_half_the_sampling_rate_are_left_out(tmp_path, first, n):
+    history = np.random.default_rng(0).standard_normal((n, 3))
+    whole = np.fft.fft(history, axis=0)
+    np.savez(tmp_path / "a.npz", FRF=whole[first:], freq=0.5 * np.arange(first, n))
+    found = measured(tmp_path, unit=UNIT, output=OUTPUT, input='"1+z"')[1]
+    lines = slice(first, n // 2 + 1)
+    assert found.frf.frequency.tolist() == (0.5 * np.arange(n))[lines].tolist()
+    check(found.frf, whole[lines])
+    assert any("mirror those below; left out" in note for note in found.notes)
