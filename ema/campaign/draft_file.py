@@ -16,7 +16,7 @@ import numpy as np
 from ema.campaign.campaign_file import format_of
 from ema.campaign.draft import RESULT, Draft, PointsFound, first_points, force_by_exclusion, model_file, unlisted
 from ema.campaign.draft_histories import Guessed, Set, averaged, averaging_of, dofs_of, in_order, side_by_side
-from ema.io.files import UNKNOWN, Code, Contents, dof_name, natural, volts_in, whole
+from ema.io.files import OF_VOLTS, UNKNOWN, Code, Contents, dof_name, natural, volts_in, whole
 from ema.io.found_modes import is_table_of_modes, is_table_of_shapes
 from ema.io.measured_function import parse_unit
 from ema.io.modes_uff import holds
@@ -258,6 +258,11 @@ def _asked_unit(contents: tuple[Contents, ...]) -> str:
             "[[correction]]"
         )
     said = f"the {'file states' if count == 1 else 'files state'} {label}"
+    if OF_VOLTS.fullmatch(label):
+        return (
+            f"{said}, the volts of two sensors: divide by the sensitivity of the response and multiply by that of the "
+            f'force, such as unit = "{label}/(100 mV/g)*(2.25 mV/N)"'
+        )
     if volts_in(label):
         return (
             f"{said}, the volts of a sensor: divide by its sensitivity, such as "

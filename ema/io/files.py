@@ -63,6 +63,8 @@ FORCE = re.compile(
     re.IGNORECASE,
 )
 """What a channel or a file of a force may be called, in English, German or Slovene, or its unit."""
+OF_VOLTS = re.compile(r"\(?m?V(?:olts?)?/m?V(?:olts?)?\)?", re.IGNORECASE)
+"""A ratio of volts: of an analyser that knows no sensors."""
 _DOF = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
 _CALLED = r"(?<![A-Za-z0-9])(?:p|pt|pnt|point|node|punkt|knoten|to[cč]ka)[ .:]*(\d{1,9})"
 _POINT = re.compile(_CALLED + r"[ :]*([+-]?[xyz][+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
@@ -178,8 +180,8 @@ def unit_in(text: str) -> str | None:
 
 
 def volts_in(text: str) -> str:
-    """Return the first unit of volts over something in a header; empty where there is none."""
-    return next((label for label, unit in ratios_in(text) if unit.volt != 0), "")
+    """Return the first unit of volts over something, or over volts, in a header; empty where there is none."""
+    return next((label for label, unit in ratios_in(text) if unit.volt != 0 or OF_VOLTS.fullmatch(label)), "")
 
 
 def is_other_ratio(label: str) -> bool:
@@ -190,7 +192,8 @@ def is_other_ratio(label: str) -> bool:
         unit = parse_unit(label)
     except MeasurementError:
         return False
-    return unit.turned_frf or (unit.dimension == (0, 0, 0) and unit.volt == 0 and "/" in label)
+    is_none = unit.dimension == (0, 0, 0) and unit.volt == 0 and "/" in label and not OF_VOLTS.fullmatch(label)
+    return unit.turned_frf or is_none
 
 
 def ratios_in(text: str) -> Iterator[tuple[str, Unit]]:

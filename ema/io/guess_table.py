@@ -18,6 +18,7 @@ from ema.io.files import (
     Contents,
     dof_of_cells,
     dofs_in,
+    is_other_ratio,
     lacks_sign,
     polar_units,
     ratios_in,
@@ -273,10 +274,10 @@ def _other_ratio_in(text: TextTable) -> str:
 
     A force over a response is a dynamic stiffness or an apparent mass, a response over another a transmissibility.
     """
-    ratios = list(ratios_in(" ".join(cell for row in text.header for cell in row)))
-    other = [label for label, unit in ratios if unit.turned_frf or unit.dimension == (0, 0, 0)]
+    said = " ".join(cell for row in text.header for cell in row)
+    other = [label for label, _ in ratios_in(said) if is_other_ratio(label)]
     other += ["kg" for k in range(1, text.value.shape[1]) if re.search(r"[\[(]kg[\])]", text.title(k))]
-    return "" if any(unit.frf is not None or unit.volt for _, unit in ratios) else next(iter(other), "")
+    return "" if unit_in(said) or volts_in(said) else next(iter(other), "")
 
 
 def _one_part(path: Path, text: TextTable, columns: list[int]) -> str:

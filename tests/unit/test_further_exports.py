@@ -315,3 +315,12 @@ def test_mirror_images_above_half_the_sampling_rate_are_left_out(tmp_path, first
     assert found.frf.frequency.tolist() == (0.5 * np.arange(n))[lines].tolist()
     check(found.frf, whole[lines])
     assert any("mirror those below; left out" in note for note in found.notes)
+
+
+def test_volts_over_volts_ask_for_two_sensitivities(tmp_path):
+    rows = [f"{f},{h.real},{h.imag}" for f, h in zip(F, H[:, 0], strict=True)]
+    (tmp_path / "1z.csv").write_text("f [Hz],Re [V/V],Im [V/V]\n" + "\n".join(rows) + "\n")
+    told = '"V/V/(100 mV/g)*(2.25 mV/N)"'
+    assert any(told in missing for missing in draft_file(draft(tmp_path)).missing)
+    frf = measured(tmp_path, unit=told, output='"1+z"', input='"1+z"')[1].frf
+    np.testing.assert_allclose(frf.value[0, 0], H[:, 0] * 9.80665 * 2.25 / 100.0)
