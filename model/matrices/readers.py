@@ -108,22 +108,18 @@ def _read_labels(path: Path) -> Labels:
     else:
         parts = [one.partition(".") for one in read_text(path).split()]
         words, form = [[one[k] for one in parts] for k in (0, 2)], "node.direction, such as 12.3"
-    try:
-        number = {word: _dof(word) for word in set(words[1])}
-        node = np.array([int(word) for word in words[0]], dtype=np.int64)
-    except ValueError:
-        i = next(i for i, pair in enumerate(zip(*words, strict=True)) if not _is_label(*pair))
-        refuse(f"{path}: label {i + 1} is {(words[0][i], words[1][i])!r}; it must be: {form}")
-    return node, np.array([number[word] for word in words[1]], dtype=np.int64)
+    dof_of: dict[str, int] = {}
 
+    def label(i: int, node: str, word: str) -> tuple[int, int]:
+        try:
+            if word not in dof_of:
+                dof_of[word] = _dof(word)
+            return int(node), dof_of[word]
+        except ValueError:
+            refuse(f"{path}: label {i} is {(node, word)!r}; it must be: {form}")
 
-def _is_label(node: str, dof: str) -> bool:
-    try:
-        int(node)
-        _dof(dof)
-    except ValueError:
-        return False
-    return True
+    found = np.array([label(i, *pair) for i, pair in enumerate(zip(*words, strict=True), 1)], dtype=np.int64)
+    return found.reshape(-1, 2)[:, 0], found.reshape(-1, 2)[:, 1]
 
 
 def _dof(word: str) -> int:
