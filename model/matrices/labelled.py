@@ -88,6 +88,10 @@ UNITS = {
 }
 
 
+WHOLE: dict[Literal["K", "M", "C"], str] = {"K": "stiffness", "M": "mass", "C": "damping"}
+"""What each matrix is called."""
+
+
 def name_of(node: int, dof: int) -> str:
     """Return a label in words."""
     return f"node {node}, {DIRECTIONS[dof - 1] if 1 <= dof <= len(DIRECTIONS) else f'degree of freedom {dof}'}"

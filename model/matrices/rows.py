@@ -394,6 +394,10 @@ def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> 
         found = nodes.number[np.all((place >= low - rounding) & (place <= high + rounding), axis=1)]
     known = used if nodes is None else nodes.number
     missing = found[~np.isin(found, known)]
-    if missing.size or not found.size:
-        refuse(f"group {given.name}: " + (f"there is no node {missing[0]}" if missing.size else "holds no node"))
+    if missing.size:
+        refuse(f"group {given.name}: there is no node {missing[0]}")
+    if not found.size:
+        places = np.zeros((1, 3)) if nodes is None else nodes.location * units.length * 1e3
+        span = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(places.min(axis=0), places.max(axis=0), strict=True))
+        refuse(f"group {given.name}: holds no node; nodes span {span} mm. A box is [[x0, x1], [y0, y1], [z0, z1]]")
     return np.unique(found)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.matrices.labelled import UNITS, Index, check_mass, check_rows, rigid_motion
+from model.matrices.labelled import UNITS, WHOLE, Index, check_mass, check_rows, name_of, rigid_motion
 from model.matrices.readers import Target
 from model.matrices.rows import Rows, read_rows
 from model.matrices.structure_file import StructureForm, TermForm, read_structure_form
@@ -160,6 +160,7 @@ def _structure(given: StructureForm, folder: Path) -> MatrixStructure:
             varying.append(SparseTerm(name=name, target=target, factor=one.name, matrix=matrix))
             if one.contained and one.group is None and (target != "K" or given.matrices.stiffness):
                 always[target] = always.get(target, 0.0 * matrix) - one.nominal * matrix
+    _require_parts(always, whole, rows)
     fixed = [SparseTerm(name=f"{t}0", target=t, factor=None, matrix=matrix) for t, matrix in always.items()]
     reduction, sprung = given.reduction, {one.group for one in given.term}
     soft = [one.group for one in given.support if one.state == "released" and one.group not in sprung]
@@ -210,6 +211,27 @@ def _checked(found: MatrixStructure, given: StructureForm, rows: Rows) -> Matrix
     return replace(_kept(found, ~(idle | rows.held(given.support))), notes=(*found.notes, *notes))
 
 
+def _require_parts(left: Mapping[Target, sp.csr_matrix], whole: Mapping[Target, sp.csr_matrix], rows: Rows) -> None:
+    """Refuse terms that take more out of the whole than is there; `left` is what it has without them.
+
+    Raises
+    ------
+    MatricesError
+        A diagonal entry falls below zero; the message names its node.
+    """
+    rounding = 1e-6  # of the largest entry: text of seven digits
+    for target, matrix in whole.items():
+        after, before = left[target].diagonal(), matrix.diagonal()
+        i = int(np.argmin(np.where(after < before, after, np.inf)))
+        if after[i] < min(before[i], 0.0) - rounding * np.abs(before).max():
+            where = name_of(int(rows.node[i]), int(rows.dof[i]))
+            refuse(
+                f"terms take more {WHOLE[target]} out of {where} than the whole matrix has there. Each must be a part "
+                "of it, and none be in two; where the whole lacks a term, say contained = false, and where its file "
+                "is the whole matrix with a property changed, say multiplied_by"
+            )
+
+
 def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -> dict[Target, sp.csr_matrix]:
     """Return the matrices of a term.
 
@@ -218,6 +240,7 @@ def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -
     MatricesError
         There are none, or a file cannot be read.
     """
+    nothing = 1e-12  # of the largest entry: rounding
     parts: dict[Target, sp.csr_matrix] = {}
     files: dict[Target, str | None] = {"K": given.stiffness, "M": given.mass, "C": given.damping}
     for target, file in files.items():
@@ -228,6 +251,11 @@ def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -
             if given.multiplied_by == 1.0 or target not in whole:
                 refuse(f"term {given.name}: multiplied_by needs a factor other than 1 and a matrix to compare with")
             parts[target] = (parts[target] - whole[target]) / (given.multiplied_by - 1.0)
+            if abs(parts[target]).max() <= nothing * abs(whole[target]).max():
+                refuse(
+                    f"term {given.name}: {file} is the whole matrix as it is; multiplied_by needs the one that was "
+                    "written with a property changed"
+                )
     if given.group is not None:
         amounts: dict[Target, float | None] = {"K": given.spring_N_m, "M": given.mass_kg}
         share = rows.share(given.group, given.directions)

@@ -415,6 +415,28 @@ def test_terms_are_taken_out_of_what_holds_them(tmp_path):
         )
 
 
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ('stiffness = "twice.npz"\n', "take more stiffness out of node 15, x than the whole matrix has"),
+        ('mass = "k.npz"\n', "take more mass out of node 10, x"),
+        ('stiffness = "k.npz"\nmultiplied_by = 2.0\n', "k.npz is the whole matrix as it is"),
+    ],
+)
+def test_a_term_that_is_no_part_of_the_whole_is_refused(tmp_path, body, says):
+    part = np.zeros((N, N))
+    part[-2:, -2:] = 1.5 * SPRING * np.array([[1, -1], [-1, 1]])
+    np.savez(tmp_path / "twice.npz", part)
+    with pytest.raises(model.MatricesError, match=says):
+        model.read_matrices(write(tmp_path, body=f'[[term]]\nname = "a"\n{body}'))
+
+
+def test_a_box_without_nodes_says_where_these_are(tmp_path):
+    body = '[[group]]\nname = "g"\nbox_mm = [[1, 2], [-1, 1], [-1, 1]]\n'
+    with pytest.raises(model.MatricesError, match="holds no node; nodes span 1000 to 1500, 0 to 0, 0 to 0 mm"):
+        model.read_matrices(write(tmp_path, body=body))
+
+
 def test_a_stiffness_that_is_the_sum_of_terms(tmp_path):
     head = HEAD.replace('stiffness = "k.npz"\n', "")
     structure = model.read_matrices(write(tmp_path, head=head, body='[[term]]\nname = "a"\nstiffness = "k.npz"\n'))

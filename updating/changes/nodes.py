@@ -14,12 +14,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.matrices.labelled import DIRECTIONS, rigid_motion
+from model.matrices.labelled import DIRECTIONS, WHOLE, rigid_motion
 from model.matrices.readers import Target
 from model.matrices.reduced import ObservedPoints
 from model.matrices.structure import MatrixStructure
 from updating.changes.structure import Answers, Part, StatedTerm, Tied
-from updating.diagnosis.matrices_model import WHOLE, MatricesNear
+from updating.diagnosis.matrices_model import MatricesNear
 
 Vector = NDArray[np.float64]
 

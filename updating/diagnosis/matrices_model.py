@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ema.types.frf import Geometry
 from ema.types.modal_model import ModalModel
 from model import Effect, MatricesError, MatrixStructure, Parameter, ReducedMatrices, reduce_matrices
+from model.matrices.labelled import WHOLE
 from model.matrices.readers import Target
 from model.matrices.reduced import ObservedPoints, points_on
 from updating.diagnosis.answer import Moved
@@ -39,8 +40,6 @@ from updating.inference.protocol import FARTHEST, Change, Coordinate, Modal, Ter
 
 Vector = NDArray[np.float64]
 
-WHOLE: dict[Target, str] = {"K": "stiffness", "M": "mass", "C": "damping"}
-"""Nuisances: factors of what no term of the structure file has."""
 _MOST_BASES = 6
 
 
