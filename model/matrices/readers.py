@@ -247,8 +247,11 @@ def _fields(line: str) -> list[str]:
 
 
 def _real(word: str) -> float:
-    """Return a number of a Nastran card, such as 1.5D+3 or 1.5+3."""
-    return float(re.sub(r"(?<=[\d.])([+-]\d+)$", r"E\1", word.upper().replace("D", "E")))
+    """Return a number, also as a Nastran card has it, such as 1.5D+3 or 1.5+3."""
+    try:
+        return float(word)
+    except ValueError:
+        return float(re.sub(r"(?<=[\d.])([+-]\d+)$", r"E\1", word.upper().replace("D", "E")))
 
 
 def _full(path: Path, target: Target) -> Entries:

@@ -77,14 +77,8 @@ def read_nodes(path: Path) -> Nodes:
     sets: dict[str, list[int]] = {}
     if kind == ".csv":
         columns = columns_of_csv(path, ("node", "x", "y", "z"))
-        try:
-            place = zip(*(map(float, column) for column in columns[1:]), strict=True)
-            table = dict(zip(map(int, columns[0]), place, strict=True))
-        except ValueError:  # an empty cell, an exponent of Fortran, or a fault: line by line
-            table = {
-                _whole(path, i, one[0]): _place(path, i, list(one[1:]))
-                for i, one in enumerate(zip(*columns, strict=True), 2)
-            }
+        rows = enumerate(zip(*columns, strict=True), 2)
+        table = {_whole(path, i, node): _place(path, i, place) for i, (node, *place) in rows}
     elif kind in (".bdf", ".dat", ".nas"):
         table = _grids(path)
     elif kind == ".cdb":
@@ -110,10 +104,9 @@ def _whole(path: Path, line: int, word: str) -> int:
 
 def _place(path: Path, line: int, words: list[str]) -> tuple[float, ...]:
     try:
-        found = tuple(_real(word) if word.strip() else 0.0 for word in (*words, "", "", "")[:3])
+        return tuple(_real(word) if word.strip() else 0.0 for word in (*words, "", "", "")[:3])
     except ValueError:
         refuse(f"{path}: line {line}: {', '.join(words)} are no coordinates")
-    return found
 
 
 _ELSEWHERE = {
