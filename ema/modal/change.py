@@ -509,7 +509,7 @@ def _unchanged(change: Change) -> str:
     r = int(np.argmax(np.abs(change.frequency_shift) / change.frequency_scatter))
     times = abs(change.frequency_shift[r]) / change.frequency_scatter[r]
     return (
-        f"no change is seen: frequencies moved by at most {_two(100.0 * size)} %, "
+        f"no mode by itself shows a change: frequencies moved by at most {_two(100.0 * size)} %, "
         f"{f'{times:.1f}' if times >= 0.1 else 'less than 0.1'} times {_scatter(change)}; "
         f"one that moved by less than {_seen(change, np.arange(change.mode.size))} would not be seen"
     )

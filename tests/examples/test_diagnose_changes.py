@@ -72,7 +72,7 @@ def test_a_mass_on_a_plate_is_named_and_placed_and_a_repeat_is_not(folder):
     said = " ".join(done.stdout.split())
     assert "heavier against before and again: changed: " in said
     assert "heavier, what and where: a mass that was added" in said
-    assert "same against before and again: no change is seen" in said
+    assert "same against before and again: no mode by itself shows a change" in said
     assert "same, what and where: nothing to place" in said
     assert said.index("heavier against") < said.index("same against")  # what changed comes first
     found = read_result(folder / "out/heavier/what_changed.json", WhatChanged)

@@ -53,7 +53,7 @@ def test_what_changed_is_named_and_of_a_repeat_nothing_is(tmp_path):
     done = lamella("diagnose", EXAMPLE / "changes.toml", "-o", tmp_path)
     assert done.returncode == 0, done.stderr
     said = " ".join(done.stdout.split())
-    assert "control against before and again: no change is seen" in said
+    assert "control against before and again: no mode by itself shows a change" in said
     assert "control, what and where: nothing to place" in said
     assert "after, what and where: a mass that was added" in said
     truth = json.loads((EXAMPLE / "truth.json").read_text())["change"]

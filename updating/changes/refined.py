@@ -390,17 +390,19 @@ def _weighed(
     """Weigh what an amplitude does; its prior is half-normal at several scales, and it is at most `most`."""
     coarse = np.geomspace(0.02 * min(float(scale[0]), most), most, _N_COARSE)
     middle = len(problems) // 2
-    rough = _log_likelihood(change(coarse), problems[middle])[0] + _log_prior(coarse, scale, most)
+    moved_coarse = change(coarse)
+    rough = _log_likelihood(moved_coarse, problems[middle])[0] + _log_prior(coarse, scale, most)
     top = int(np.argmax(rough))
     near = np.flatnonzero(rough > rough[top] - _DEEP)
     low, high = coarse[max(near[0] - 1, 0)], coarse[min(near[-1] + 1, _N_COARSE - 1)]
     close = np.linspace(low, high, _N_CLOSE)
-    best = close[int(np.argmax(_log_likelihood(change(close), problems[middle])[0]))]
+    moved_close = change(close)
+    best = close[int(np.argmax(_log_likelihood(moved_close, problems[middle])[0]))]
     step = close[1] - close[0]
     closest = np.linspace(max(best - 3.0 * step, low), min(best + 3.0 * step, high), _N_CLOSE)
-    amplitude = np.unique(np.concatenate([coarse, close, closest]))
+    amplitude, which = np.unique(np.concatenate([coarse, close, closest]), return_index=True)
+    moved = np.concatenate([moved_coarse, moved_close, change(closest)])[which]
     width = np.log(np.maximum(np.gradient(amplitude), 1e-300)) + _log_prior(amplitude, scale, most)
-    moved = change(amplitude)
     found = [_log_likelihood(moved, problem) for problem in problems]
     log = np.array([log_likelihood + width for log_likelihood, _ in found])
     at = amplitude[int(np.argmax(log[middle] - width + _log_prior(amplitude, scale, most)))]
