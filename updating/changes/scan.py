@@ -142,11 +142,11 @@ def weigh(
         Changes of eigenvalues that are the scales of the half-normal prior.
     """
     nothing = 1e-9  # of the largest effect: a candidate that does less does nothing
-    white = la.solve_triangular(root, np.column_stack([error, action.T]), lower=True, check_finite=False)
-    e, j = white[:, 0], white[:, 1:]
+    whitening = la.solve_triangular(root, np.eye(error.size), lower=True, check_finite=False)
+    e, j = whitening @ error, action @ whitening.T
     none = effect < nothing * np.max(effect, initial=1e-300)  # such as a line beyond the outline
-    information = np.where(none, nothing, np.sum(j**2, axis=0))
-    pull = np.where(none, 0.0, -(e @ j))
+    information = np.where(none, nothing, np.einsum("ci,ci->c", j, j))
+    pull = np.where(none, 0.0, -(j @ e))
     scale = effects[:, None] / np.where(none, 1.0, effect)  # (n_scale, n_candidate)
     precision = information + scale**-2.0
     mean, std = pull / precision, precision**-0.5
