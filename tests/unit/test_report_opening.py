@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from updating.diagnosis.answer import Diagnosis, ModeError, Ranked
-from updating.report.answer import headline, opening, opening_section
+from updating.report.answer import fit_sentences, headline, opening, opening_section
 from updating.report.change_part import mode_changes, mode_picture, step_chart, step_picture, steps
 from updating.report.part import Picture, Section, printed
 from updating.report.results import Results
@@ -202,3 +202,4 @@ def test_what_only_a_model_sees_is_a_change(verdict, badge):
         measured=SimpleNamespace(frequency=np.ones(6)),
     )  # fmt: skip
     assert opening(results(tested=(state,))).badge == badge
+    assert "fitted to references alone" in fit_sentences(results(tested=(state,)))[0]

@@ -193,7 +193,7 @@ def _of_a_fit(results: Results) -> Opening:
     )
 
 
-def _changed_first(results: Results) -> list[Tested]:
+def changed_first(results: Results) -> list[Tested]:
     """Return the configurations, those first that have changed: they are what is asked for."""
     return sorted(results.tested, key=lambda tested: not _changed(tested))
 
@@ -207,7 +207,7 @@ def _changed(tested: Tested) -> bool:
 def _in_short(results: Results) -> list[str]:
     """Say of every state what changed and where, in two sentences, or whether it changed where no model says more."""
     sentences: list[str] = []
-    for tested in _changed_first(results):
+    for tested in changed_first(results):
         if tested.what_changed is not None and tested.what_changed.left:
             sentences += tested.what_changed.sentences[:2]
         elif tested.change is not None:
@@ -218,7 +218,7 @@ def _in_short(results: Results) -> list[str]:
 def change_sentences(results: Results) -> tuple[str, ...]:
     """Say of every configuration that has a reference whether it changed, and what and where."""
     sentences: list[str] = []
-    for tested in _changed_first(results):
+    for tested in changed_first(results):
         if tested.change is not None:
             sentences.append(f"{change_sentence(tested.change)}.")
         if tested.what_changed is not None:
@@ -235,7 +235,9 @@ def fit_sentences(results: Results) -> tuple[str, ...]:
         return _update_sentences(results, configurations)
     fits = [t.fit for t in results.tested if t.fit is not None]
     if not fits:
-        return (f"{configurations} identified, {modes} modes in all; no model was fitted yet.",)
+        compared = any(t.what_changed is not None for t in results.tested)
+        fitted = "the model was fitted to references alone" if compared else "no model was fitted yet"
+        return (f"{configurations} identified, {modes} modes in all; {fitted}.",)
     worst = max(fits, key=lambda fit: fit.error)
     left_over = sum(fit.pairing.unpaired_measured.size for fit in fits)
     return (

@@ -212,7 +212,7 @@ def kind_table(what_changed: WhatChanged) -> Table:
                 f"{kind.probability:.2g}",
                 *(_place(kind, AXES.index(a), apart) for a in what_changed.axes),
                 size_text(kind),
-                f"{100 * kind.explained:.0f}",
+                "" if what_changed.verdict == "unchanged" else f"{100 * kind.explained:.0f}",
             )
             for kind in what_changed.kinds[:most_kinds]
         ),

@@ -61,8 +61,8 @@ def change_table(change: Change) -> Table:
     return Table(
         title="Modes of the reference and of the changed state",
         header=(
-            "mode", "f reference [Hz]", "f [Hz]", "shift [%]", "damping reference [%]", "damping [%]", "shift [%]",
-            "MAC", "angle of shapes [°]", "changed",
+            "mode", "f reference [Hz]", "f [Hz]", "shift of f [%]", "damping reference [%]", "damping [%]",
+            "shift of damping [%]", "MAC", "angle of shapes [°]", "changed",
         ),
         rows=tuple(
             (

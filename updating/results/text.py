@@ -42,7 +42,7 @@ def uncertain(value: float, half: float) -> str:
         return f"{value:.4g}"
     exponent = 0 if abs(value) >= 1e-3 else int(np.floor(np.log10(max(abs(value), half))))
     digits = min(12, max(0, 1 - int(np.floor(np.log10(half))) + exponent))
-    shown, half_text = (f"{x / 10.0**exponent:.{digits}f}" for x in (value, half))
+    shown, half_text = (f"{x / 10.0**exponent:z.{digits}f}" for x in (value, half))
     return f"{shown} ± {half_text}" if exponent == 0 else f"({shown} ± {half_text})e{exponent}"
 
 

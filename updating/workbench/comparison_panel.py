@@ -205,7 +205,7 @@ def show(server: Any) -> None:
                 plot("change_mac", 420)
     vuetify3.VProgressLinear(indeterminate=True, v_if="comparing")
     html.P("{{ compared_text }}", v_if="compared_text", classes="text-body-2")
-    html.P("No model is fitted yet: run a fit in the panel Diagnosis.", v_if="!has_fit && !comparing")
+    html.P("No model is fitted yet: run a fit in the panel Diagnosis.", v_if="!(has_fit || comparing || change_text)")
     with vuetify3.VRow(v_show="has_fit", classes=("{ stale: comparing }",)):
         with vuetify3.VCol(cols=12, md=6):
             vuetify3.VSelect(

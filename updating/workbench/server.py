@@ -10,6 +10,7 @@ from importlib.resources import files
 from typing import Any
 
 from updating.errors import StoreError
+from updating.report.answer import changed_first
 from updating.workbench import (
     comparison_panel,
     diagnosis_panel,
@@ -156,7 +157,7 @@ def page(opened: Opened) -> Any:
     server.state.update(
         {
             "panel": PANELS[0].TITLE,
-            "configuration": names[0],
+            "configuration": changed_first(results)[0].name,
             "configurations": names,
             "trame__title": results.name,
             "tabs": 1,
