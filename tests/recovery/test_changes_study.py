@@ -51,6 +51,9 @@ def test_the_page_has_the_figures_of_the_record():
     page = (Path(__file__).parents[2] / "docs/changes.md").read_text(encoding="utf-8")
     for one in figures([pair for laboratory in recorded(RECORD, Laboratory) for pair in laboratory.pairs]):
         assert one.row.split(" | ")[1] in page
+    bolts = [pair for one in recorded(RECORD.with_name("loose_bolts.jsonl"), Laboratory) for pair in one.pairs]
+    *_, right = figures(bolts)
+    assert right.row.split(" | ")[1] in page
 
 
 @pytest.mark.blind
