@@ -225,7 +225,8 @@ def kind_table(what_changed: WhatChanged) -> Table:
 def _place(kind: KindOfChange, axis_: int, apart: Reals) -> str:
     if not kind.local:
         return kind.part or "all over"
-    return f"{1e3 * kind.place[axis_]:.0f} ± {1e3 * np.hypot(kind.place_std[axis_], apart[axis_]):.0f}"
+    std = np.hypot(kind.place_std[axis_], apart[axis_])
+    return f"{1e3 * kind.place[axis_]:z.0f}\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}{1e3 * std:.0f}"  # in one line
 
 
 def _impossible(what_changed: WhatChanged) -> str:
