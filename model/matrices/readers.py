@@ -168,8 +168,8 @@ def _array(path: Path, name: str) -> sp.coo_matrix:
             if hasattr(array, "check_format"):  # of a sparse matrix; conversions trust its indices, and crash
                 array.check_format(full_check=True)
     except Exception as error:  # a damaged file brings forth any, of zip, of its compression, of the reader
-        old = "; save it with -v7, not -v7.3" if isinstance(error, NotImplementedError) else ""
-        refuse(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}{old})")
+        hint = "; save it with -v7, not -v7.3" if isinstance(error, NotImplementedError) else ""
+        refuse(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}{hint})")
     if not name and len(arrays) == 1:
         name = next(iter(arrays))
     if name not in arrays or np.ndim(arrays[name]) != 2:

@@ -62,6 +62,15 @@ def test_clean_data_stay_as_they_are(seed):
     assert found == tested
 
 
+def test_a_sensor_that_reads_nothing_keeps_its_factor():
+    dead = shapes(1)
+    for one in dead:
+        one[5] = 0.0
+    _, found, mixed_up = corrected(dead)
+    assert mixed_up is None or 106 not in mixed_up.node
+    assert all(np.all(one.modes.shape[5] == 0.0) for one in found)
+
+
 @pytest.mark.parametrize(("where", "names"), [((1,), ("M2",)), ((0, 1), NAMES)])
 @pytest.mark.parametrize("seed", range(3))
 def test_two_points_that_were_exchanged_are_put_right(seed, where, names):

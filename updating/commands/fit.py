@@ -125,7 +125,7 @@ def campaign_ledger(
     heights = {fitted.stack.height for _, fitted in fits if isinstance(fitted, Fit)}
     if len(heights) < 2:
         together = [*((name,) for name in effects), *([effects] if len(effects) > 1 else [])]
-        diagnosis = diagnose_campaign(replace(run, cluster=None, keep=False), together)
+        diagnosis = diagnose_campaign(run, together)
         entries = tuple(entry_of(diagnosis.ranked(names)) for names in ((), *together))
     else:
         added = find_effects(effects, catalogue(run.effect_files))

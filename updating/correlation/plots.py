@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -86,9 +87,10 @@ def error_map_picture(error_map: ErrorMap, stack: Stack, kind: str, *, size: tup
         plotter.add_axes(color=palette.INK, viewport=(0.8, 0.0, 1.0, 0.3))
         plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
         plotter.camera.zoom(1.3)
+    with closing(plotter):
+        image = plotter.screenshot(return_img=True)
     buffer = BytesIO()
-    Image.fromarray(plotter.screenshot(return_img=True)).save(buffer, format="png", optimize=True)
-    plotter.close()
+    Image.fromarray(image).save(buffer, format="png", optimize=True)
     return buffer.getvalue()
 
 

@@ -279,7 +279,9 @@ def _tried(
     alone = np.einsum("rii->ir", weight)
     along, size = np.sum(shape * pull, axis=1), np.sum(shape**2 * alone, axis=1)
     turned = 4.0 * (along - size)
-    best = np.clip(1.0 - along / size, 1.0 / widest, widest)
+    # A sensor that reads nothing keeps its factor.
+    over = np.divide(along, size, out=np.zeros_like(size), where=size > 0.0)
+    best = np.clip(1.0 - over, 1.0 / widest, widest)
     scaled = -((best - 1.0) * 2.0 * along + (best - 1.0) ** 2 * size) - free
     scaled = np.where(np.abs(np.log(best)) > least, scaled, -np.inf)
     first, second = (np.array(indices) for indices in zip(*itertools.combinations(range(n), 2), strict=True))

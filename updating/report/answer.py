@@ -154,7 +154,8 @@ def _after_diagnosis(results: Results, diagnosis: Diagnosis) -> tuple[str, str]:
     known = set(effects) <= catalogue().keys() | set(diagnosis.measurement)
     command = next_command(diagnosis, campaign, folder) if known and not fitted else None
     if command is None:
-        return shlex.join(["lamella", "open", folder]), "opens this in the browser, with sliders for every parameter"
+        sliders = "" if diagnosis.stack is None else ", with sliders for every parameter"  # matrices have none
+        return shlex.join(["lamella", "open", folder]), f"opens this in the browser{sliders}"
     return command, "adds it to the model, for all torques together"
 
 
