@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ema.plot import palette
+from updating.report.change_part import Step, step_chart
 from updating.report.modes_part import mac_chart
 from updating.report.part import Chart, axis, printed
 
@@ -68,3 +69,24 @@ def test_a_group_stands_in_the_legend_once():
         for k, title in enumerate(({"text": "oil"}, {}))
     ]
     assert [text.get_text() for text in drawn(*traces).legends[0].get_texts()] == ["oil"]
+
+
+def test_numbers_of_a_chart_stand_under_what_its_axes_show():
+    traces = [
+        {
+            "type": "bar", "name": "fitted", "x": ["base<br>model", "with<br>it"], "y": [3.0, 0.25],
+            "error_y": {"array": [0.5, 0.125]},
+        }
+    ]  # fmt: skip
+    layout = {"yaxis": {"title": {"text": "error [%]"}}}
+    assert Chart(traces=traces, layout=layout).csv.splitlines() == [
+        "series,at,error [%],lower,upper",
+        "fitted,base model,3,2.5,3.5",
+        "fitted,with it,0.25,0.125,0.375",
+    ]
+
+
+def test_the_last_bar_of_a_waterfall_is_written_as_it_is_drawn():
+    way = [Step(name="base", error=0.04, left_out=0.06), Step(name="lost contact", error=0.01, left_out=0.02)]
+    rows = [line.split(",") for line in step_chart(way).csv.splitlines()[1:]]
+    assert [float(row[2]) for row in rows if row[1] == "what is left"] == [1.0, 2.0]

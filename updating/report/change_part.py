@@ -134,7 +134,7 @@ def step_chart(way: Sequence[Step]) -> Chart:
             {
                 "type": "waterfall", "name": label, "offsetgroup": key, "x": names,
                 "measure": ["absolute", *("relative" for _ in fall), "total"],
-                "y": [100.0 * value[0], *fall, 0.0],
+                "y": [100.0 * value[0], *fall, 100.0 * value[-1]],
                 "text": [in_percent(value[0]), *steps, in_percent(value[-1])],
                 "textposition": ["outside", *("inside" for _ in fall), "outside"], "insidetextanchor": "middle",
                 "cliponaxis": False, "hoverinfo": "name+text",

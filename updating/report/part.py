@@ -310,22 +310,35 @@ class Chart:
 
     @property
     def csv(self) -> str:
-        """The numbers that are drawn: a heat map as a matrix, all else as a row for each point."""
+        """The numbers that are drawn: a heat map as a matrix, all else as a row for each point.
+
+        What an axis shows heads its column where all points share it, and stands in the rows where panels differ.
+        """
         first = self.traces[0]
         if first["type"] == "heatmap":
             return csv_text(("", *first["x"]), ((y, *row) for y, row in zip(first["y"], first["z"], strict=True)))
-        rows: list[Sequence[object]] = []
+        rows: list[tuple[object, ...]] = []
         for trace in self.traces:
             sides = [self.layout.get(f"{k}axis{trace.get(f'{k}axis', k)[1:]}", {}) for k in "xy"]
             titles = [side.get("title", {}).get("text", "") for side in sides]
-            x, y = (_named(trace[k]) or list(trace[k]) for k in "xy")
-            cells = [" ".join(at) if isinstance(at, tuple) else at for at in x]
-            error = trace.get("error_y", {"array": [0.0] * len(y)})
-            down, up = error.get("arrayminus", error["array"]), error["array"]
-            for a, b, less, more in zip(cells, y, down, up, strict=True):
-                ends = (f"{b - less:.6g}", f"{b + more:.6g}") if "error_y" in trace else ("", "")
-                rows.append((trace.get("name", ""), titles[0], a, titles[1], b, *ends))
-        return csv_text(("series", "across", "x", "upwards", "y", "lower", "upper"), rows)
+            error = trace.get("error_y")
+            for i, (x, y) in enumerate(zip(*(_named(trace[k]) or trace[k] for k in "xy"), strict=True)):
+                ends: tuple[object, ...] = ("", "")
+                if error is not None:
+                    ends = (_cell(y - error.get("arrayminus", error["array"])[i]), _cell(y + error["array"][i]))
+                rows.append((trace.get("name", ""), titles[0], _cell(x), titles[1], _cell(y), *ends))
+        header, kept = ["series", "x axis", "x", "y axis", "y", "lower", "upper"], list(range(7))
+        if len({(row[1], row[3]) for row in rows}) == 1:
+            header[2], header[4], kept = str(rows[0][1]) or "at", str(rows[0][3]) or "at", [0, 2, 4, 5, 6]
+        kept = [k for k in kept if any(row[k] != "" for row in rows)]
+        return csv_text([header[k] for k in kept], ([row[k] for k in kept] for row in rows))
+
+
+def _cell(value: object) -> str:
+    """Return a number to the digits of single precision, a name in one line, or a pair of names."""
+    if isinstance(value, tuple):
+        return " ".join(map(str, value))
+    return value.replace("<br>", " ") if isinstance(value, str) else f"{value:.8g}"
 
 
 def charted(
