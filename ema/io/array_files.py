@@ -322,6 +322,36 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         raise MeasurementError(message) from error
 
 
+def labels_in(path: Path) -> list[tuple[str, ...]]:
+    """Return the lists of texts that a file holds, as of the names of channels; none where it cannot be read."""
+    import h5py
+
+    labels: list[tuple[str, ...]] = []
+
+    def visit(_: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and h5py.check_string_dtype(item.dtype) and len(item.shape or ()) == 1:
+            labels.append(tuple(str(text) for text in item.asstr(errors="replace")[()]))
+
+    try:
+        if h5py.is_hdf5(path):
+            with h5py.File(path, "r") as file:
+                file.visititems(visit)
+        elif zipfile.is_zipfile(path):
+            with np.load(path, allow_pickle=False) as archive:
+                headers = {name: numpy_header(archive.zip.open(f"{name}.npy")) for name in archive.files}
+                texts = [
+                    archive[name] for name, (shape, kind) in headers.items() if kind.kind == "U" and len(shape) == 1
+                ]
+            labels += [tuple(map(str, text)) for text in texts]
+        elif path.suffix.lower() == ".mat":
+            for name in (name for name, _, kind in _variables(path) if kind == "cell"):
+                cells = [_text(one) for one in _variable(path, name).ravel()]
+                labels += [tuple(cells)] if all(cells) else []
+    except Exception:
+        return []
+    return labels
+
+
 def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, *, listed: int = 20) -> NDArray[Any]:
     """Read one array by its name.
 

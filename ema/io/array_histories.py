@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -340,7 +340,9 @@ def pulse_share(value: Reals, *, of_a_pulse: float = 0.1) -> Reals:
     return np.asarray(np.where(varies, np.mean(size > of_a_pulse * most, axis=-1), 1.0))
 
 
-def guess_histories(arrays: _Records, beside: Mapping[str, int]) -> HistoriesFound | None:
+def guess_histories(
+    arrays: _Records, beside: Mapping[str, int], labels: Sequence[tuple[str, ...]] = ()
+) -> HistoriesFound | None:
     """Return what arrays seem to hold of time histories; None where nothing in them tells of a time or a hammer.
 
     That something is a time history tells a variable of times, of a sampling rate or of a time step, a first channel
@@ -351,6 +353,8 @@ def guess_histories(arrays: _Records, beside: Mapping[str, int]) -> HistoriesFou
     arrays : mapping of str to array
     beside : mapping of str to int
         Lengths of the axes of a force in a file that belongs beside this one; empty where there is none.
+    labels : sequence of tuple of str
+        Lists of texts in the file: one for each channel of a single array names them.
     """
     guesses: list[str] = []
     every = tuple(arrays)
@@ -373,6 +377,9 @@ def guess_histories(arrays: _Records, beside: Mapping[str, int]) -> HistoriesFou
     elif not keys and not beside and not any(_has_pulse(value, n_sample) for value in records.values()):
         return None
     titles = _titles(records, axes, inside=inside)
+    if not any(titles):
+        named = (texts[inside:] for texts in labels if len(texts) == len(titles) + inside)
+        titles = next(named, titles)
     lengths = dict(zip(axes, (n for n in _largest(records).shape if n > 1), strict=True))
     axes = _axes_with_star(names[0], axes, guesses) + axes
     said = f"variables {', '.join(map(repr, names))} are" if len(names) > 1 else f"variable {names[0]!r} is"

@@ -69,6 +69,7 @@ _DOF = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0
 _CALLED = r"(?<![A-Za-z0-9])(?:p|pt|pnt|point|node|punkt|knoten|to[cč]ka)[ .:]*(\d{1,9})"
 _POINT = re.compile(_CALLED + r"[ :]*([+-]?[xyz][+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
 _PARTED = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}) +(?=[+-][xyz](?![A-Za-z0-9]))", re.IGNORECASE)
+_SIGN = re.compile(r"(?<=\d[xyz])(?:plus|minus)(?![A-Za-z])", re.IGNORECASE)  # in names of variables, which have no +
 _OF_POWERS = re.compile(r"(?<![\w-])\w{1,2}(?: s\^?[-⁻][12¹²])? [kmu]?(?:N|lbf)\^?[-⁻][1¹](?![\w-])")
 _POINT_ALONE = re.compile(_CALLED + r"(?![A-Za-z0-9])", re.IGNORECASE)
 
@@ -163,8 +164,9 @@ def lacks_sign(text: str) -> bool:
 
 
 def _plain(text: str) -> str:
-    """Return a text in which a DOF such as ``P12_Z`` or ``12 +Z`` stands as ``12Z``."""
-    return _PARTED.sub(r"\1", _POINT.sub(r"\1\2", text.replace("_", " ")))
+    """Return a text in which a DOF such as ``P12_Z`` or ``12 +Z`` stands as ``12Z``, and ``12Zplus`` as ``12Z+``."""
+    signs = _SIGN.sub(lambda word: "+" if word[0].lower() == "plus" else "-", text.replace("_", " "))
+    return _PARTED.sub(r"\1", _POINT.sub(r"\1\2", signs))
 
 
 def dof_name(code: Code | None) -> str:

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.io.array_files import LARGEST, arrays_in, pattern_of
+from ema.io.array_files import LARGEST, arrays_in, labels_in, pattern_of
 from ema.io.array_histories import RATE, HistoriesFound, guess_histories
 from ema.io.files import (
     UNKNOWN,
     Code,
     Contents,
+    dofs_in,
     field_of,
     is_other_ratio,
     natural,
@@ -99,7 +100,7 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
         arrays |= parts
         block = parts[next(name for name in parts if name in keys.get("real", keys.get("magnitude", ())))]
     if block is None:
-        histories = guess_histories(arrays, beside)
+        histories = guess_histories(arrays, beside, labels_in(path))
         if histories is not None:
             return Contents(
                 file=path, section="variables", keys=histories.keys, is_time=True, titles=_with_units(histories, units),
@@ -196,7 +197,10 @@ def _of_frfs(path: Path, arrays: _Arrays, keys: dict[str, Any], block: NDArray[A
     n_output, n_input = lengths.get("output", 1) * max(len(names), 1), lengths.get("input", 1)
     states = frozenset(end for end, n in (("output", n_output), ("input", n_input)) if _place(arrays, keys, end, n))
     none: list[list[Code]] = [[] for _ in range(n_output * n_input)]
-    dofs, named = with_names(path, none)
+    in_names = [dofs_in(name) for name in names] if len(names) == n_output * n_input else none
+    dofs, named = with_names(path, in_names)
+    if any(in_names):
+        named.append("DOFs are taken from the names of the variables, the response first")
     return Contents(
         file=path, section="variables", keys=keys, dofs=dofs, states=states, lengths={"frequency": n_line},
         guesses=(*guesses, *named),
@@ -307,6 +311,7 @@ def _coherences(arrays: _Arrays, block: NDArray[Any], frfs: list[str]) -> list[s
         name for name, value in arrays.items()
         if value.shape == block.shape and not np.iscomplexobj(value) and _COHERENCE.search(field_of(name))
     ]  # fmt: skip
+    called = [name for name in called if not _is_even_axis(arrays[name])] or called
     if len(frfs) <= 1:
         number = re.findall(r"\d+", frfs[0]) if frfs else []
         same = [name for name in called if re.findall(r"\d+", name) == number]
@@ -476,6 +481,7 @@ def parts_of_frfs(arrays: _Arrays, units: Mapping[str, str]) -> tuple[dict[str, 
     """
     for keys in WAYS[1:]:
         pairs = _pairs(arrays, keys)
+        pairs = [pair for pair in pairs if not any(_is_even_axis(arrays[name]) for name in pair)] or pairs
         if not pairs:
             continue
         first = max(pairs, key=lambda pair: arrays[pair[0]].size)
@@ -562,6 +568,12 @@ def _pairs(arrays: _Arrays, keys: tuple[str, ...]) -> list[tuple[str, str]]:
 def _is_function(name: str, value: NDArray[Any], *, fewest_lines: int = 10) -> bool:
     real = value.dtype.kind in "fiu" and value.size > 1 and max(value.shape) >= fewest_lines
     return real and not _NO_FRF.search(name)
+
+
+def _is_even_axis(value: NDArray[Any]) -> bool:
+    """Whether a vector ascends evenly, as frequencies do and neither part of a function nor a coherence."""
+    vector = value.ravel()
+    return bool(vector.size == max(value.shape) and np.all(np.diff(vector) > 0)) and not is_uneven(vector.astype(float))
 
 
 def _words(name: str) -> list[str]:

@@ -6,6 +6,7 @@ import sys
 import tracemalloc
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
@@ -514,3 +515,37 @@ def test_a_tdms_file_that_is_cut_off_before_its_last_channel_is_named_so(tmp_pat
     (tmp_path / "a.tdms").write_bytes(content[: int(share * len(content))])
     with pytest.raises(CampaignError, match=r"a\.tdms: is cut off"):
         draft(tmp_path)
+
+
+def test_names_of_dewesoft_state_axes_parts_and_dofs(tmp_path):
+    """As in elchape99/SSCSA: each variable has its frequencies beside it, by the same name with an X."""
+    f = np.arange(0.0, 200.0, 0.5)
+    value = np.exp(1j * f / 30.0) * (2.0 + np.cos(f))
+    parts = {"Coherence": np.full(f.size, 0.9), "FRF_H1_Ampl": np.abs(value), "FRF_H1_Phase": np.angle(value)}
+    names = {key: key.replace("_H1", "_H1_2Zplus_1Yminus") + "_2Zplus_1Yminus" * (key == "Coherence") for key in parts}
+    axes = {f"Data1_X_MT_{names[key]}": f.astype(np.float32) for key in parts}
+    savemat(tmp_path / "a.mat", axes | {f"Data1_MT_{names[key]}": part for key, part in parts.items()})
+    measured = measured_as_drafted(tmp_path, unit='"(m/s)/N"')
+    np.testing.assert_allclose(measured.frf.value[0, 0], value, atol=1e-9)
+    np.testing.assert_allclose(measured.frf.frequency, f)
+    assert draft(tmp_path).contents[0].keys["coherence"] == "Data1_MT_Coherence_2Zplus_1Yminus"
+    assert measured.frf.output.name(0) == "2+z"
+    assert measured.frf.input.name(0) == "1-y"
+
+
+@pytest.mark.parametrize("kind", ["h5", "mat", "npz"])
+def test_a_list_of_texts_names_the_channels_of_an_array(tmp_path, kind):
+    """As in ladisk/mssp-image-tutorial, where a trigger is a shorter pulse than the force."""
+    record = np.zeros((3, 2000))
+    record[0, 40:48] = np.hanning(8)
+    record[1] = np.exp(-np.arange(2000) / 400.0) * np.sin(np.arange(2000) / 9.0)
+    record[2, :3] = 1.0
+    names = ["force", "acc", "trigger"]
+    if kind == "h5":
+        with h5py.File(tmp_path / "a.h5", "w") as file:
+            file["data"], file["channel_names"], file["fs"] = record, names, 1000.0
+    elif kind == "mat":
+        savemat(tmp_path / "a.mat", {"data": record, "names": np.array(names, dtype=object), "fs": 1000.0})
+    else:
+        np.savez(tmp_path / "a.npz", data=record, names=names, fs=1000.0)
+    assert "force = 1  # guessed: its title says so" in draft_file(draft(tmp_path)).text
