@@ -23,7 +23,7 @@ from ema.campaign.reading import (
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dof, Dofs, Geometry, Quantity
-from lamella_arrays import Complexes, Reals, readonly
+from lamella_arrays import Complexes, Integers, Reals, readonly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -401,40 +401,59 @@ def _one_quantity(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
 
 
 def _one_axis(entries: list[_Entry], notes: list[str]) -> list[_Entry]:
-    """Bring all functions onto the lines that they share."""
-    axes = Counter((e.frequency.size, float(e.frequency[0]), float(e.frequency[-1])) for e in entries)
-    reference = next(
-        e.frequency for e in entries if (e.frequency.size, e.frequency[0], e.frequency[-1]) == axes.most_common(1)[0][0]
-    )
-    if all(e.frequency.shape == reference.shape and np.allclose(e.frequency, reference) for e in entries):
-        return [replace(e, frequency=reference) for e in entries]
-    step = float(np.median(np.diff(reference))) if reference.size > 1 else 1.0
-    fitting, lower, upper = [], reference[0], reference[-1]
-    for entry in entries:
-        offset = np.interp(entry.frequency, reference, np.arange(reference.size))
-        inside = (entry.frequency >= reference[0] - 0.1 * step) & (entry.frequency <= reference[-1] + 0.1 * step)
-        offset = offset[inside]
-        on_lines = offset.size > 1 and np.abs(offset - np.round(offset)).max() < 0.1
-        if on_lines and np.all(np.diff(np.round(offset)) == 1) and offset.size >= reference.size // 2:
-            fitting.append(entry)
-            lower, upper = max(lower, entry.frequency[inside][0]), min(upper, entry.frequency[inside][-1])
-        else:
+    """Bring all functions onto the lines that they share: of the axes that some have, that which keeps most values."""
+    axes = {(e.frequency.size, float(e.frequency[0]), float(e.frequency[-1])): e.frequency for e in entries}
+    if len(axes) == 1:
+        reference = entries[0].frequency
+        if all(np.allclose(e.frequency, reference) for e in entries):
+            return [replace(e, frequency=reference) for e in entries]
+    count = Counter((e.frequency.size, float(e.frequency[0]), float(e.frequency[-1])) for e in entries)
+    kept = {
+        key: sum(count[other] * _lines_in(axis, reference).size for other, axis in axes.items())
+        for key, reference in axes.items()
+    }
+    reference = axes[max(axes, key=lambda key: (kept[key], count[key]))]
+    lines = [_lines_in(e.frequency, reference) for e in entries]
+    for entry, own in zip(entries, lines, strict=True):
+        if not own.size:
             notes.append(
                 f"{entry.source}: left out, its {entry.frequency.size} lines from {entry.frequency[0]:g} to "
                 f"{entry.frequency[-1]:g} Hz are not among those of the others, "
                 f"{reference.size} from {reference[0]:g} to {reference[-1]:g} Hz"
             )
-    common = reference[(reference >= lower - 0.1 * step) & (reference <= upper + 0.1 * step)]
+    fitting = [(entry, own) for entry, own in zip(entries, lines, strict=True) if own.size]
+    thinned = [entry for entry, own in fitting if own.size > 1 and np.any(np.diff(own) > 1)]
+    if thinned:
+        notes.append(
+            f"of {len(thinned)} functions, such as {thinned[0].source}, those lines are used that the others have, "
+            f"{reference[1] - reference[0]:g} Hz apart"
+        )
+    near = 0.1 * float(np.median(np.diff(reference))) if reference.size > 1 else 0.1
+    lower = max(entry.frequency[own[0]] for entry, own in fitting)
+    upper = min(entry.frequency[own[-1]] for entry, own in fitting)
+    common = reference[(reference >= lower - near) & (reference <= upper + near)]
     if common.size < 2:
-        raise MeasurementError(f"{fitting[0].source} and the other functions share fewer than two frequency lines")
+        raise MeasurementError(f"{fitting[0][0].source} and the other functions share fewer than two frequency lines")
     if common.size < reference.size:
         notes.append(f"all functions are cropped to their common lines, {common[0]:g} to {common[-1]:g} Hz")
     cropped = []
-    for entry in fitting:
-        keep = (entry.frequency >= common[0] - 0.1 * step) & (entry.frequency <= common[-1] + 0.1 * step)
+    for entry, _ in fitting:
+        keep = _lines_in(entry.frequency, common)
         coherence = None if entry.coherence is None else entry.coherence[keep]
         cropped.append(replace(entry, frequency=common, value=entry.value[keep], coherence=coherence))
     return cropped
+
+
+def _lines_in(axis: Reals, reference: Reals, *, aside: float = 0.1) -> Integers:
+    """Return where the lines of another axis lie in one, as far as it reaches; none where it lacks some, or half.
+
+    `aside`: share of a step that a line may lie beside the other.
+    """
+    near = aside * float(np.median(np.diff(reference))) if reference.size > 1 else aside
+    wanted = reference[(reference >= axis[0] - near) & (reference <= axis[-1] + near)]
+    at = np.minimum(np.searchsorted(axis, wanted - near), axis.size - 1)
+    fits = wanted.size > 1 and wanted.size >= reference.size // 2 and np.all(np.abs(axis[at] - wanted) <= near)
+    return at if fits else at[:0]
 
 
 _Pairs = dict[tuple[tuple[int, tuple[float, ...]], tuple[int, tuple[float, ...]]], _Entry]

@@ -65,7 +65,7 @@ FORCE = re.compile(
 """What a channel or a file of a force may be called, in English, German or Slovene, or its unit."""
 OF_VOLTS = re.compile(r"\(?m?V(?:olts?)?/m?V(?:olts?)?\)?", re.IGNORECASE)
 """A ratio of volts: of an analyser that knows no sensors."""
-_DOF = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
+_DOF = re.compile(r"(?<![A-Za-z0-9.])H?(\d{1,9}):?([+-]?)([xyz])([+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
 _CALLED = r"(?<![A-Za-z0-9])(?:p|pt|pnt|point|node|punkt|knoten|to[cč]ka)[ .:]*(\d{1,9})"
 _POINT = re.compile(_CALLED + r"[ :]*([+-]?[xyz][+-]?)(?![A-Za-z0-9])", re.IGNORECASE)
 _PARTED = re.compile(r"(?<![A-Za-z0-9.])(\d{1,9}) +(?=[+-][xyz](?![A-Za-z0-9]))", re.IGNORECASE)
@@ -137,7 +137,7 @@ def field_of(name: str) -> str:
 
 
 def dofs_in(text: str) -> list[Code]:
-    """Return the DOFs that a header or a file name holds, such as ``12+z``, ``12:+Z``, ``12Z-`` or ``P12_Z``."""
+    """Return the DOFs that a header or a file name holds, such as ``12+z``, ``12:+Z``, ``H12Z-`` or ``P12_Z``."""
     dofs = []
     for node, before, axis, after in _DOF.findall(_plain(text)):
         sign = -1 if "-" in (before, after) else 1

@@ -377,15 +377,16 @@ def _one_sided(arrays: _Arrays, keys: dict[str, Any], block: NDArray[Any], guess
     """
     for name, value in dict(arrays).items():
         is_vector = value.size == max(value.shape, default=0) > 2 and value.size in block.shape
-        if not is_vector or value.ndim != 1 or np.iscomplexobj(value) or not _OF_FREQUENCY.search(name):
+        if not is_vector or np.iscomplexobj(value) or not _OF_FREQUENCY.search(name):
             continue
-        there = np.flatnonzero(value >= 0.0)
+        there = np.flatnonzero(value.ravel() >= 0.0)
         if there.size < 2 or there.size == value.size or np.any(np.diff(there) != 1):
             continue
         part = f"{there[0]}:{there[-1] + 1}"
         at = block.shape.index(value.size)
         places = ", ".join(part if axis == at else ":" for axis in range(block.ndim))
-        arrays[f"{name}[{part}]"] = value[there]
+        along = ", ".join(part if n == value.size else "0" for n in value.shape)  # MATLAB has no vectors, only columns
+        arrays[f"{name}[{along}]"] = value.ravel()[there]
         for key in (key for way in WAYS for key in way if key in keys):
             keys[key] = [f"{keys[key][0]}[{places}]"]
         guesses.append(f"of variable {name!r} the frequencies of 0 Hz and above are taken: it is two-sided")

@@ -482,6 +482,10 @@ def _numbers(
             except ValueError as error:
                 where = f"{path}: row {first + index + 1}, column {column}"
                 message = f"{where}: expected a number, found {_shown(word)}"
+                if index == len(rows) - 1:
+                    message += (
+                        "; it is the last row: where the file is cut off, copy it again or leave it out of 'files'"
+                    )
                 raise MeasurementError(message) from error
     return {column: np.array(values) for column, values in cells.items()}
 

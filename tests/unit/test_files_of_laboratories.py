@@ -549,3 +549,29 @@ def test_a_list_of_texts_names_the_channels_of_an_array(tmp_path, kind):
     else:
         np.savez(tmp_path / "a.npz", data=record, names=names, fs=1000.0)
     assert "force = 1  # guessed: its title says so" in draft_file(draft(tmp_path)).text
+
+
+@pytest.mark.parametrize("order", ["fft", "shifted"])
+def test_two_sided_functions_of_matlab_are_read_from_0_Hz(tmp_path, order):
+    """As NumPy and MATLAB write them: their vectors are rows there, and negative frequencies come last, or first."""
+    f = np.fft.fftfreq(800, 1 / 400.0)
+    one = np.exp(1j * np.arange(401) / 30.0)
+    two = np.concatenate([one[:400], [1.0], one[399:0:-1].conj()])
+    shift = np.fft.fftshift if order == "shifted" else np.asarray
+    savemat(tmp_path / "a.mat", {"H": shift(two)[:, None] * [1.0, 2.0], "f": shift(f)})
+    measured = measured_as_drafted(tmp_path, unit='"(m/s2)/N"', output='["1+z", "2+z"]', input='["1+z"]')
+    np.testing.assert_allclose(measured.frf.frequency, f[:400])
+    np.testing.assert_allclose(measured.frf.value[0, 0], one[:400])
+
+
+def test_functions_of_finer_lines_are_used_on_the_lines_that_all_have(tmp_path):
+    for k, step in enumerate((1.0, 0.5, 1.0), start=1):
+        f = np.arange(0.0, 200.0 + step / 2, step)
+        rows = np.column_stack([f, np.cos(f / 30.0) + k, np.sin(f / 30.0)])
+        np.savetxt(tmp_path / f"H{k}z_3z.csv", rows, delimiter=",", header="f [Hz],real [g/N],imag [g/N]", comments="")
+    measured = measured_as_drafted(tmp_path)
+    np.testing.assert_allclose(measured.frf.frequency, np.arange(201.0))
+    assert [measured.frf.output.name(k) for k in range(3)] == ["1+z", "2+z", "3+z"]
+    assert measured.frf.input.name(0) == "3+z"
+    np.testing.assert_allclose(measured.frf.value[1, 0].imag, 9.80665 * np.sin(np.arange(201.0) / 30.0), atol=1e-9)
+    assert any("of 1 functions, such as" in note and "1 Hz apart" in note for note in measured.notes)
