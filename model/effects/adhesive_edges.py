@@ -1,7 +1,9 @@
 """Adhesive at the edges: glue that crept between the laminas along both long edges.
 
-Enters: shear modulus times thickness share in strips of a tenth of the width along both edges; affine.
-Range: 0 to 5e8 Pa of effective modulus: epoxy of 1 GPa filling up to half of the strip.
+Enters: shear modulus times thickness share that fades from both edges over a strip; affine in the modulus. Strips of
+    four widths are mixed (quadratic B-splines over their logarithm).
+Range: 0 to 5e8 Pa of effective modulus: epoxy of 1 GPa filling up to half of the strip; strips of a fortieth to a
+    fifth of the width.
 Does: raises T1 by 8 %, B1 and B2 by 4 % and T2 by 2 % at low torque, half of it at twice the pressure. (Demo
     stack, nominal strength.)
 Mistaken for: edge_pressure, weld_seam, contact_offset.
@@ -9,22 +11,36 @@ Mistaken for: edge_pressure, weld_seam, contact_offset.
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 import numpy as np
 
 from model.contact.contact import tangential_krons
-from model.elements.equations import Assembly, Monomial, Term
+from model.effects.parts import Size
+from model.elements.equations import Assembly, Formula, Term, Theta
 from model.stack.effect import Effect, Parameter
+
+_STRIP = Size(name="adhesive_strip", usual=0.1, octaves=(-2.0, 1.0), n=4)
+
+
+def _glued(t: Theta, share: Any) -> Any:
+    return t["adhesive_modulus"] * share(t)
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
-    """Return a modulus of 1 Pa that fades from both edges over a tenth of the width."""
-    strip = 0.1
-    stack = assembly.stack
-    y = assembly.plan.quadrature_points[1]
-    inward = (stack.width / 2.0 - np.abs(y)) / (strip * stack.width)
-    krons = tangential_krons(assembly.plan, stack.spacing, np.ones(stack.n_lamina - 1), np.exp(-inward))
-    factor = Monomial(exponent={"adhesive_modulus": 1})
-    return (Term(name="adhesive_edges", target="K", factor=factor, krons=krons),)
+    """Return a modulus of 1 Pa that fades from both edges over strips of some widths."""
+    stack, y = assembly.stack, assembly.plan.quadrature_points[1]
+    inward = (stack.width / 2.0 - np.abs(y)) / stack.width
+    return tuple(
+        Term(
+            name=f"adhesive_edges {i + 1}",
+            target="K",
+            factor=Formula(partial(_glued, share=share)),
+            krons=tangential_krons(assembly.plan, stack.spacing, np.ones(stack.n_lamina - 1), np.exp(-inward / strip)),
+        )
+        for i, (strip, share) in enumerate(_STRIP.fields)
+    )
 
 
 EFFECT = Effect(
@@ -42,6 +58,7 @@ EFFECT = Effect(
             upper=500000000.0,
             source="epoxy with a shear modulus of 1 GPa that fills part of the strip",
         ),
+        _STRIP.parameter("width of the strip over that of the stack, as far as glue creeps"),
     ),
     terms=terms,
 )

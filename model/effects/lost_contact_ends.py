@@ -1,8 +1,8 @@
 """Lost contact at the ends: pressure fades towards both ends of the stack.
 
-Enters: pressure p (1 + a f(x, y)), f falls with the square of x, less its mean. Stiffness is affine in a,
-    damping a polynomial of it.
-Range: a from 0 to 0.95 of the pressure lost at the ends.
+Enters: pressure p (1 + a f(x, y)), f falls with a power of the distance from the middle, less its mean. Stiffness is
+    affine in a, damping a polynomial of it. Fields of four powers are mixed (quadratic B-splines over their logarithm).
+Range: a from 0 to 0.95 of the pressure lost at the ends; powers from 1, an even fall, to 8, a loss at the last tenth.
 Does: raises T1, B1 and B2 by 2 to 3 %, for the force kept presses the middle more, and lowers T2 by 1 to 3 %.
     (Demo stack, nominal strength.)
 Mistaken for: clamp_width, suspension.
@@ -10,22 +10,32 @@ Mistaken for: clamp_width, suspension.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from lamella_arrays import Reals
-from model.effects.parts import pressure_change
+from model.effects.parts import Size, pressure_change
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter
+
+_POWER = Size(name="end_power", usual=2.0, octaves=(-1.0, 2.0), n=4)
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:
     """Return the change of the pressure field."""
-    stack = assembly.stack
+    length = assembly.stack.length
 
-    def shape(x: Reals, y: Reals) -> Reals:
-        return np.asarray(-((2.0 * x / stack.length) ** 2) + 0.0 * y)
+    def fall(x: Reals, y: Reals, power: float) -> Reals:
+        return np.asarray(-(np.abs(2.0 * x / length) ** power) + 0.0 * y)
 
-    return pressure_change(assembly, "lost_contact_ends", "end_loss", shape)
+    return tuple(
+        term
+        for i, (power, share) in enumerate(_POWER.fields)
+        for term in pressure_change(
+            assembly, f"lost_contact_ends {i + 1}", "end_loss", partial(fall, power=power), share
+        )
+    )
 
 
 EFFECT = Effect(
@@ -43,6 +53,7 @@ EFFECT = Effect(
             upper=0.95,
             source="a from 0 to 0.95 of the pressure lost at the ends",
         ),
+        _POWER.parameter("1 where the pressure falls evenly from the middle, 8 where it is lost at the ends alone"),
     ),
     terms=terms,
 )

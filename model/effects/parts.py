@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ from model.contact.contact import contact_fields
 from model.elements.equations import Assembly, Formula, Kron, Monomial, Product, Target, Term, Theta
 from model.elements.mesh import FIELDS, Derivative, Field
 from model.elements.terms import footprint_points, height_shares
-from model.stack.effect import PRESSURE_REFERENCE
+from model.stack.effect import PRESSURE_REFERENCE, Parameter
 from model.stack.errors import EffectError
 from model.stack.parts import Clamp, Instruments
 from model.stack.stack import Stack
@@ -428,6 +429,56 @@ def pressure_change(
     normal = partial(_share_of, of=change, share=share)
     mixed = field["pressure times normal"].normal(f)
     return (*tangential, again(assembly, "normal contact damping", f"{effect} normal damping", normal, krons=mixed))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    """A size of a field that is known to some octaves: fields of sizes on an even grid of these are mixed.
+
+    What a joint has lost or gained has the shape of no formula. With a size that is free a bell comes near what falls
+    in steps, whose other half a second effect would take else.
+
+    Attributes
+    ----------
+    name : str
+        Parameter that states it.
+    usual : float
+        Value where nothing better is known.
+    octaves : (float, float)
+        Logarithms to the base of 2 of the least and the greatest value over the usual one.
+    n : int
+        Sizes of the grid.
+    """
+
+    name: str
+    usual: float
+    octaves: tuple[float, float]
+    n: int
+
+    @property
+    def fields(self) -> list[tuple[float, Callable[[Theta], Any]]]:
+        """The sizes of the grid, and the share that each has in the mixture."""
+        grid = np.linspace(*self.octaves, self.n)
+        return [(self.usual * 2.0**octave, partial(_of_size, size=self, i=i)) for i, octave in enumerate(grid.tolist())]
+
+    def parameter(self, source: str, n_start: int = 3) -> Parameter:
+        """Return the parameter, a plain number."""
+        least, greatest = (self.usual * 2.0**octave for octave in self.octaves)
+        return Parameter(
+            name=self.name,
+            unit="1",
+            nominal=self.usual,
+            lower=least,
+            upper=greatest,
+            neutral=self.usual,
+            scale="log",
+            source=source,
+            n_start=n_start,
+        )
+
+
+def _of_size(t: Theta, size: Size, i: int) -> Any:
+    return shared_among(np.log2(t[size.name] / size.usual), size.n, *size.octaves)[i]
 
 
 def _value(t: Theta, name: str) -> Any:

@@ -30,7 +30,7 @@ from updating.diagnosis.diagnosis import searched
 from updating.diagnosis.evidence import assemble_evidence
 from updating.diagnosis.experiment import aids
 from updating.diagnosis.fit_settings import coordinate_of
-from updating.diagnosis.ranking import log_ratios, sizes_of
+from updating.diagnosis.ranking import compared_by, log_ratios, sizes_of
 from updating.diagnosis.stack_model import StackModel
 from updating.inference.decide import decide
 from updating.inference.discrepancy import whitened
@@ -194,8 +194,9 @@ def _real(one: Explanation) -> float:
     Of modes that are set apart, none of the model's, the discrepancy says nothing.
     """
     problem, size = one.problem, one.evidence.sizes.stiffness
-    n, m = len(log_ratios(one)[0]), one.errors[0].value.shape[1]
+    m = one.errors[0].value.shape[1]
     weight = np.vstack([e.weight @ (one.errors[0].shape.T @ e.shape).T for e in one.errors])
+    n, of_model = len(weight), compared_by(one)
     of_frequency = np.zeros((n, n * m))  # half the Rayleigh quotient of the errors
     for row, a in enumerate(weight):
         of_frequency[row, m * row : m * (row + 1)] = 0.5 * a
@@ -206,9 +207,8 @@ def _real(one: Explanation) -> float:
     fitted = np.einsum("ni,ij,nj->n", slope, covariance, slope)
     noise = problem.noise + size**2 * problem.discrepancy
     free = 1.0 - fitted / np.einsum("ni,ij,nj->n", of_frequency, noise, of_frequency)
-    numbered = [(c, r) for c, e in enumerate(one.errors) for r in range(len(e.value))]
-    of_model = np.array([mode not in one.apart for mode in numbered])
-    return float(np.sqrt(np.sum(log_ratios(one)[0][of_model] ** 2) / np.sum(np.clip(free[of_model], 0.02, 1.0))))
+    ratio = log_ratios(one)[0]
+    return float(np.sqrt(np.sum(ratio**2) / np.sum(np.clip(free[of_model], 0.02, 1.0))))
 
 
 def _whole(of: StackModel, found: Search, first: Explanation, made: Simulated) -> float | None:

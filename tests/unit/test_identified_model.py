@@ -193,7 +193,7 @@ def test_a_stack_has_what_an_explanation_moved(with_model):
     assert made.height == pytest.approx(stack.height * np.exp(0.002))
     assert made.clamps[0].x == pytest.approx(stack.clamps[0].x + 0.003)
     assert made.clamps[0].y == stack.clamps[0].y
-    assert dict(made.effect_values) == {PARAMETER: VALUE}
+    assert dict(made.effect_values) == {PARAMETER: VALUE, "middle_width": 1.0 / 6.0}
     assert explained_stack(stack, one, [effect], state="M2").contact.G_f == pytest.approx(
         stack.contact.G_f * np.exp(0.05)
     )

@@ -7,11 +7,12 @@ import pytest
 import scipy.linalg as la
 
 from updating.inference import equation_error
+from updating.inference.decide import decide
 from updating.inference.discrepancy import joined, shared_levels
 from updating.inference.equation_error import equation_errors, shape_noise
-from updating.inference.explain import FORM, converged, explain, setting
+from updating.inference.explain import FORM, converged, explain, setting, step_within
 from updating.inference.protocol import Coordinate, Modal, State, Term
-from updating.inference.search import begin
+from updating.inference.search import Search, begin
 
 N, M, N_MEASURED = 30, 12, 5
 EVERY = 2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)
@@ -206,6 +207,43 @@ def test_a_measured_mode_that_the_model_lacks_draws_no_fit_away():
     drawn = converged(model, [], common, np.zeros(2))
     assert drawn.log_evidence < base.log_evidence - 10.0
     assert base.evidence.sizes.stiffness < 0.2 * drawn.evidence.sizes.stiffness
+
+
+class Blind(Chain):
+    """The same chain, whose third mode the sensors do not see."""
+
+    def about(self, coordinates, points):
+        return Blind(self.states, tuple(coordinates))
+
+    def modal(self, x, state):
+        modal = super().modal(x, state)
+        return replace(modal, rows=modal.rows * (np.arange(M) != 2))
+
+
+def test_a_measured_mode_that_sensors_do_not_see_in_the_model_says_nothing():
+    """What a coupling brings to the sensors looks like the second mode; the others fit, and nothing seems to lack."""
+    state = measured(*matrices({"stiffness": 0.1})[:2])
+    coupled = state.shape[:, 1] + 0.05 * state.shape[:, 3]
+    state = replace(state, shape=np.column_stack([*state.shape.T[:2], coupled, *state.shape.T[3:]]))
+    model = Blind((state,))
+    common, base = begin(model, shares=(1.0,), starts=[np.zeros(2)])
+    assert base.apart == common.unseen == {(0, 2)}
+    assert base.value("stiffness") == pytest.approx(0.1, abs=3 * base.std[0])
+    found = Search(
+        setting=common, measured=model.states, priors={}, freed=frozenset(), fitted={frozenset(): base}, chosen=base
+    )
+    assert decide(found).verdict == "nothing missing"
+    strange = replace(found, setting=replace(common, unseen=frozenset()))
+    assert decide(strange).verdict == "unlike anything"
+
+
+def test_where_a_coordinate_ends_at_its_bound_the_others_step_as_is_best_there():
+    """Clipped afterwards, a step to (1, -1) of two coordinates that act alike would raise the cost."""
+    hessian, slope = np.array([[1.0, 0.9], [0.9, 1.0]]), np.array([-1.0, -0.8])
+    limits = {"std": 1.0, "longest": np.inf}
+    coordinates = (Coordinate(name="a", upper=0.1, **limits), Coordinate(name="b", **limits))
+    to = step_within(slope, hessian, np.zeros(2), coordinates)
+    np.testing.assert_allclose(to, [0.1, 0.8 - 0.9 * 0.1], rtol=1e-5)
 
 
 def test_the_covariance_of_modal_coordinates_stays_positive_where_a_shape_is_measured_far_better_than_known():

@@ -381,6 +381,8 @@ class Diagnosis(Shown):
         Effects that these data would not show even at the end of their plausible range.
     lacking : tuple of str
         Measured modes that the model lacks amid those that it has.
+    unseen : tuple of str
+        Measured modes that were not compared: the model has modes there that the sensors do not see.
     impossible : mapping of str to str
         Effects that this stack cannot have, and why.
     sensor_gains : tuple of SensorGain
@@ -427,6 +429,7 @@ class Diagnosis(Shown):
     ruled_out: tuple[str, ...]
     not_visible: tuple[str, ...]
     lacking: tuple[str, ...]
+    unseen: tuple[str, ...]
     impossible: Mapping[str, str]
     sensor_gains: tuple[SensorGain, ...]
     next_tests: tuple[NextTest, ...]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -90,7 +91,9 @@ def rank(model: Explained, search: Search, first: Explanation, named: Collection
     sizes = first.evidence.sizes
     most = misfit(search.base, sizes)
     return tuple(
-        _ranked(model, search, x, float(chance), judged=id(x) in judged, sizes=sizes, most=most)
+        _ranked(
+            model, search, x, float(chance), judged=id(x) in judged, sizes=sizes, most=most, compared=compared_by(first)
+        )
         for x, chance in zip(by_odds, probability, strict=True)
     )
 
@@ -104,15 +107,19 @@ def _ranked(
     judged: bool,
     sizes: discrepancy.Sizes,
     most: float,
+    compared: NDArray[np.bool_],
 ) -> Ranked:
-    """Return what is said of one explanation; its errors on what is left out only where it is judged."""
+    """Return what is said of one explanation; its errors on what is left out only where it is judged.
+
+    Its errors are those of the modes `compared`.
+    """
     nan = float("nan")
     if judged:
         seen = search.prediction(explanation)
         left = (seen.mode.frequency, seen.mode.damping, seen.state.frequency, seen.state.damping)
     else:
         left = (nan, nan, nan, nan)
-    frequency, damping = log_ratios(explanation)
+    frequency, damping = log_ratios(explanation, compared)
     rest = misfit(explanation, sizes)
     return Ranked(
         effects=explanation.terms,
@@ -151,10 +158,21 @@ def sizes_of(search: Search, explanation: Explanation) -> tuple[Sizes, Sizes]:
     )
 
 
-def log_ratios(explanation: Explanation) -> tuple[Vector, Vector]:
-    """Return logarithms of measured over modelled frequencies, and damping ratios that are compared, state by state."""
+def compared_by(explanation: Explanation) -> NDArray[np.bool_]:
+    """Return which measured modes an explanation takes for the model's, state by state."""
+    numbered = [(c, r) for c, e in enumerate(explanation.errors) for r in range(len(e.value))]
+    return np.array([mode not in explanation.apart for mode in numbered])
+
+
+def log_ratios(explanation: Explanation, compared: NDArray[np.bool_] | None = None) -> tuple[Vector, Vector]:
+    """Return logarithms of measured over modelled frequencies and damping ratios of the modes `compared`, by state.
+
+    By default these are the modes that the explanation takes for the model's.
+    """
+    compared = compared_by(explanation) if compared is None else compared
+    frequency = np.concatenate([e.paired for e in explanation.errors])
     damping = np.concatenate([e.damping for e in explanation.errors])
-    return np.concatenate([e.paired for e in explanation.errors]), damping[np.isfinite(damping)]
+    return frequency[compared], damping[compared & np.isfinite(damping)]
 
 
 def mean_error(log_ratio: Vector) -> float:
@@ -392,7 +410,7 @@ def answer_of(model: Explained, search: Search, decision: Decision, asked: Seque
     if decision.verdict == "unlike anything":
         excluded = []
     shown = {*excluded, *(name for x in left for name in x.terms)}  # perhaps only beside what was identified
-    far = pulled(first)
+    far, used = pulled(first), compared_by(first)
     overstated = overstated_in(of[first.terms], model.effects)
     middle, spread = sizes_of(search, first)
     singles = sorted((x for x in search.fitted.values() if len(x.terms) == 1), key=search.odds, reverse=True)
@@ -415,12 +433,19 @@ def answer_of(model: Explained, search: Search, decision: Decision, asked: Seque
         relieved=tuple(nuisance for nuisance in pulled(base) if nuisance.name not in {s.name for s in far}),
         point_change=None,
         ranking=ranking,
-        errors=_errors(model, base, left),
-        n_used={state.name: (state.frequency.size, state.frequency.size) for state in model.states},
-        signatures={x.terms[0]: tuple((log_ratios(base)[0] - log_ratios(x)[0]).tolist()) for x in singles[:most_shown]},
+        errors=_errors(model, base, left, used),
+        n_used={
+            state.name: (state.frequency.size - sum(d == c for d, _ in first.apart), state.frequency.size)
+            for c, state in enumerate(model.states)
+        },
+        signatures={
+            x.terms[0]: tuple((log_ratios(base, used)[0] - log_ratios(x, used)[0]).tolist())
+            for x in singles[:most_shown]
+        },
         ruled_out=tuple(excluded),
         not_visible=tuple(name for name in not_visible(seen) if name not in shown),
-        lacking=_lacking(model, first),
+        lacking=_lacking(model, first, search.setting.unseen),
+        unseen=_unseen(model, first, search.setting.unseen),
         impossible={},
         sensor_gains=sensor_gains(first),
         next_tests=(),
@@ -431,20 +456,31 @@ def answer_of(model: Explained, search: Search, decision: Decision, asked: Seque
     )
 
 
-def _lacking(model: Explained, explanation: Explanation) -> tuple[str, ...]:
+def _unseen(model: Explained, explanation: Explanation, unseen: Collection[tuple[int, int]]) -> tuple[str, ...]:
+    """Return the measured modes that are set apart and may be modes of the model that the sensors do not see."""
+    return tuple(
+        f"{model.states[c].name}, mode {r + 1} at {model.states[c].frequency[r]:.1f} Hz"
+        for c, r in sorted(explanation.apart.intersection(unseen))
+    )
+
+
+def _lacking(model: Explained, explanation: Explanation, unseen: Collection[tuple[int, int]]) -> tuple[str, ...]:
     """Return the measured modes that are none of the model's, or farther off than any model leaves them."""
     return tuple(
         f"{state.name}, mode {r + 1} at {state.frequency[r]:.1f} Hz"
         for c, (state, e) in enumerate(zip(model.states, explanation.errors, strict=True))
         for r in range(state.frequency.size)
-        if (c, r) in explanation.apart or abs(e.frequency[r]) > STIFFNESS.highest
+        if ((c, r) in explanation.apart or abs(e.frequency[r]) > STIFFNESS.highest)
+        and (c, r) not in explanation.apart.intersection(unseen)
     )
 
 
-def _errors(model: Explained, base: Explanation, left: Sequence[Explanation]) -> tuple[ModeError, ...]:
-    """List the modes with the frequency errors of the base model and of the first explanation that is left."""
-    before = np.expm1(-log_ratios(base)[0])
-    after = np.expm1(-log_ratios(left[0])[0]) if left else np.full(before.size, np.nan)
+def _errors(
+    model: Explained, base: Explanation, left: Sequence[Explanation], used: NDArray[np.bool_]
+) -> tuple[ModeError, ...]:
+    """List the modes used with the frequency errors of the base model and of the first explanation that is left."""
+    before = np.expm1(-log_ratios(base, used)[0])
+    after = np.expm1(-log_ratios(left[0], used)[0]) if left else np.full(before.size, np.nan)
     numbered = [(state, r) for state in model.states for r in range(state.frequency.size)]
     return tuple(
         ModeError(
@@ -455,5 +491,5 @@ def _errors(model: Explained, base: Explanation, left: Sequence[Explanation]) ->
             base=float(b),
             explained=float(a),
         )
-        for (state, r), b, a in zip(numbered, before, after, strict=True)
+        for (state, r), b, a in zip(itertools.compress(numbered, used), before, after, strict=True)
     )

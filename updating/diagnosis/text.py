@@ -217,13 +217,19 @@ def _as_before(explanation: Ranked) -> str:
 
 
 def _rests_on(diagnosis: Diagnosis) -> str:
+    unseen = (
+        f" Not compared: {', '.join(diagnosis.unseen)}, where the model has a mode that moves across the sensors; they "
+        "cannot tell which mode it is."
+        if diagnosis.unseen
+        else ""
+    )
     parts = [f"{used} of {n} modes of {name}" for name, (used, n) in diagnosis.n_used.items()]
     left_out = (
         ""
         if np.isfinite(diagnosis.discrepancy.damping)
         else " Damping is not compared: the model has no loss of its own (one lamina, or matrices without damping)."
     )
-    return f"The answer rests on {', '.join(parts)}.{left_out}"
+    return f"The answer rests on {', '.join(parts)}.{unseen}{left_out}"
 
 
 def _mixed_up(points: MixedUp) -> str:

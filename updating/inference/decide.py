@@ -57,14 +57,14 @@ def decide(search: Search) -> Decision:
     chosen = search.chosen
     large = too_large(chosen, search.setting.priors)
     if not chosen.terms:
-        strange = large or chosen.apart or _pulled(chosen, search.freed) or search.refused
+        strange = large or chosen.apart - search.setting.unseen or _pulled(chosen, search.freed) or search.refused
         empty: Verdict = "unlike anything" if strange else "nothing missing"
         refused: Unlisted | None = "refused" if search.refused else None
         return Decision(verdict=empty, left=(), steps=(chosen,), too_large=large, unlisted=refused)
     left = _left(search)
     large = too_large(left[0], search.setting.priors)
     unlisted = _unlisted(search, left[0])
-    partly = large or left[0].apart or _pulled(left[0], search.freed) or unlisted == "beside"
+    partly = large or left[0].apart - search.setting.unseen or _pulled(left[0], search.freed) or unlisted == "beside"
     several = len(left) > 1 or unlisted == "instead"
     verdict: Verdict = "partly explained" if partly else "one of" if several else "identified"
     return Decision(verdict=verdict, left=left, steps=_steps(search, left[0]), too_large=large, unlisted=unlisted)

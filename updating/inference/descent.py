@@ -18,7 +18,6 @@ from updating.inference.explain import (
     coordinates_of,
     errors_at,
     evidence_of,
-    log_prior_apart,
     step_within,
     weighed_at,
 )
@@ -116,7 +115,7 @@ def begun(
         local=local,
         sizes=sizes,
         x=x,
-        cost=Cost(precision, sizes).total(problem, white, x) - log_prior_apart(setting.apart),
+        cost=Cost(precision, sizes).total(problem, white, x) - setting.log_prior_apart,
         to=to,
         fall=fall,
         _slope=slope,

@@ -163,6 +163,28 @@ def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float
     return np.asarray(np.hypot(np.hypot(np.maximum(rough, floor), state.shape_std), turned))
 
 
+def may_be_unseen(state: State, modal: Modal, *, near: float = 0.05, faint: float = 0.1) -> NDArray[np.bool_]:
+    """Return which measured modes may be one of the model's that the sensors do not see, (n,).
+
+    Such a mode moves across the sensors. What little they measure of it, small couplings bring that no model has, so
+    that its shape says nothing of the modal coordinates.
+
+    Parameters
+    ----------
+    state, modal
+        What was measured, and a model near it.
+    near : float
+        Logarithm of the ratio of frequencies within which a measured mode may be that of the model.
+    faint : float
+        Motion at the sensors, relative to the median over the model's elastic modes, below which they do not see one.
+    """
+    elastic = modal.eigenvalue[modal.n_rigid :]
+    motion = np.linalg.norm(modal.rows[:, modal.n_rigid :], axis=0)
+    unseen = np.sqrt(elastic[motion < faint * np.median(motion)]) / (2.0 * np.pi)
+    away = np.abs(np.log(state.frequency[:, None] / unseen))
+    return np.asarray(np.min(away, axis=1, initial=np.inf) < near)
+
+
 def equation_errors(
     state: State,
     modal: Modal,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
@@ -29,7 +29,7 @@ from updating.inference.discrepancy import (
     shared_levels,
     spectrum,
 )
-from updating.inference.equation_error import Errors, apart_from, equation_errors, shape_noise
+from updating.inference.equation_error import Errors, apart_from, equation_errors, may_be_unseen, shape_noise
 from updating.inference.levels import INADEQUATE, STRANGE
 from updating.inference.protocol import Coordinate, LocalModel, Model, Term
 from updating.inference.tree import Tree, TreeProblem, tree_problem
@@ -58,6 +58,9 @@ class Setting:
         Of its sizes: of equation errors, and of logarithms of damping ratios.
     apart : frozenset of (int, int)
         Measured modes, by state and number, with which a fit begins as none of the model's.
+    unseen : frozenset of (int, int)
+        Measured modes that may be modes of the model that the sensors do not see: it is as likely as not that their
+        shapes are none of the model's.
     tree : Tree, optional
         The same shares as a tree, by which many states are solved.
     loose : float
@@ -68,8 +71,14 @@ class Setting:
     common: Vector
     priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING)
     apart: frozenset[tuple[int, int]] = frozenset()
+    unseen: frozenset[tuple[int, int]] = frozenset()
     tree: Tree | None = None
     loose: float = 1.0
+
+    @property
+    def log_prior_apart(self) -> float:
+        """Logarithm of the prior probability that the modes that are set apart are none of the model's."""
+        return sum(math.log(0.5 if mode in self.unseen else STRANGE) for mode in self.apart)
 
     def join(self, errors: Sequence[Errors], n_coordinate: int) -> Problem | TreeProblem:
         """Join the errors of all states."""
@@ -159,8 +168,14 @@ def setting(
     priors: tuple[SizePrior, SizePrior] = (STIFFNESS, DAMPING),
 ) -> Setting:
     """Return what all fits of a campaign share: noise of the shapes, from a model near them, and shares of states."""
-    noise = tuple(shape_noise(state, local.modal(x, c)) for c, state in enumerate(model.states))
-    return Setting(noise=noise, common=shared_levels([state.path for state in model.states], shares), priors=priors)
+    modal = [local.modal(x, c) for c in range(len(model.states))]
+    unseen = [np.flatnonzero(may_be_unseen(*pair)).tolist() for pair in zip(model.states, modal, strict=True)]
+    return Setting(
+        noise=tuple(shape_noise(*pair) for pair in zip(model.states, modal, strict=True)),
+        common=shared_levels([state.path for state in model.states], shares),
+        priors=priors,
+        unseen=frozenset((c, r) for c, of_state in enumerate(unseen) for r in of_state),
+    )
 
 
 def errors_at(model: Model, local: LocalModel, setting: Setting, x: Vector) -> tuple[Errors, ...]:
@@ -200,14 +215,15 @@ def explain(
 
     A measured mode that the model lacks, of the rig or of what is missing, draws a fit away from all other modes. Its
     prior probability is `STRANGE`, and its equation errors may be anything. Where the discrepancy is larger than that
-    of a right model, such modes are set apart one by one, as long as the evidence rises.
+    of a right model, or some may be modes that the sensors do not see, such modes are set apart one by one, as long as
+    the evidence rises.
 
     Parameters
     ----------
     model, terms, setting, start, local, sizes, rounds, steps
         As `converged` takes them.
     most_apart : float
-        Largest share of the measured modes that may be set apart.
+        Largest share of the measured modes that may be set apart, beside those that sensors may not see.
 
     Raises
     ------
@@ -221,9 +237,9 @@ def explain(
         )
 
     best = fit(setting.apart, start, sizes)
-    most = int(most_apart * sum(state.frequency.size for state in model.states))
+    most = int(most_apart * sum(state.frequency.size for state in model.states)) + len(setting.unseen)
     for _ in range(2 * most):
-        if not best.apart and not too_large(best, setting.priors):
+        if not (best.apart or setting.unseen or too_large(best, setting.priors)):
             break
         modes_apart = _likelier_apart(best, setting, most)
         if modes_apart is None:
@@ -289,11 +305,6 @@ def _likelier_apart(
         if log > best:
             best, likelier = log, apart
     return likelier
-
-
-def log_prior_apart(apart: Collection[tuple[int, int]]) -> float:
-    """Return the logarithm of the prior probability that some measured modes are none of the model's."""
-    return len(apart) * math.log(STRANGE)
 
 
 def converged(
@@ -444,7 +455,7 @@ def evidence_of(
 ) -> tuple[Evidence, Vector]:
     """Return the evidence, and the standard deviations of the coordinates; `sizes` are near the likeliest."""
     precision = np.array([c.std**-2.0 for c in coordinates])
-    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + log_prior_apart(setting.apart)
+    log_prior = 0.5 * float(np.sum(np.log(precision[precision > 0.0]))) + setting.log_prior_apart
     if isinstance(problem, TreeProblem):
         return tree_evidence(problem, x, precision, log_prior, setting.priors, sizes)
     stiffness = spectrum(problem.value, problem.jacobian, problem.noise, problem.discrepancy)
@@ -475,7 +486,14 @@ def step_within(
     )
     free = ~(((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0)))
     step = np.zeros(x.size)
-    step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free], damp=damp + 1e-9)
+    while free.any():  # what would leave its bounds is held there, and the others step as far as is best with it
+        downhill = -(slope + hessian[:, ~free] @ step[~free])
+        step[free] = scaled_solve(hessian[np.ix_(free, free)], downhill[free], damp=damp + 1e-9)
+        within = np.clip(x + step, lower, upper) - x
+        left = free & (within != step)
+        if not left.any():
+            break
+        step[left], free = within[left], free & ~left
     step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
     return np.clip(x + step, lower, upper)
 
