@@ -459,7 +459,8 @@ class Size:
     def fields(self) -> list[tuple[float, Callable[[Theta], Any]]]:
         """The sizes of the grid, and the share that each has in the mixture."""
         grid = np.linspace(*self.octaves, self.n)
-        return [(self.usual * 2.0**octave, partial(_of_size, size=self, i=i)) for i, octave in enumerate(grid.tolist())]
+        share = partial(_of_size, name=self.name, usual=self.usual, octaves=self.octaves, n=self.n)
+        return [(self.usual * 2.0**octave, partial(share, i=i)) for i, octave in enumerate(grid.tolist())]
 
     def parameter(self, source: str, n_start: int = 3) -> Parameter:
         """Return the parameter, a plain number."""
@@ -477,8 +478,8 @@ class Size:
         )
 
 
-def _of_size(t: Theta, size: Size, i: int) -> Any:
-    return shared_among(np.log2(t[size.name] / size.usual), size.n, *size.octaves)[i]
+def _of_size(t: Theta, name: str, usual: float, octaves: tuple[float, float], n: int, i: int) -> Any:
+    return shared_among(np.log2(t[name] / usual), n, *octaves)[i]
 
 
 def _value(t: Theta, name: str) -> Any:
