@@ -308,11 +308,10 @@ def _of_files(
         return [(f, _records(campaign, f, notes)) for f in files]
     channels = [read_wav(f, (1.0,)) for f in files]
     if sum(map(len, channels)) != len(scales):
-        message = (
+        raise MeasurementError(
             f"{files[0]} and the files beside it have {sum(map(len, channels))} channels, and 'full_scale' of the "
             f"campaign file {len(scales)} numbers; give one for each channel, or one for all"
         )
-        raise MeasurementError(message)
     each = iter(scales)
     return [
         (f, ((tuple(replace(c, value=c.value * next(each)) for c in of_file),),))

@@ -81,8 +81,7 @@ def _check(
             stop = start + size + (-size % 8 if kind != compressed else 0)
         expected = {matrix, compressed} if depth == 0 else _NUMBERS if numeric else _NUMBERS | _TEXT | {matrix}
         if kind not in expected or start + size > end or depth > deepest:
-            message = f"the element at byte {position} has type {kind} and {size} bytes, which cannot be"
-            raise ValueError(message)
+            raise ValueError(f"the element at byte {position} has type {kind} and {size} bytes, which cannot be")
         if depth > 0 and first and len(tag) > 8:  # the flags of a matrix, whose lowest byte is its class
             numeric = struct.unpack(f"{order}I", tag[8:12])[0] & 0xFF in _NUMERIC_CLASSES
         if kind == matrix and size:
@@ -286,13 +285,11 @@ def arrays_in(path: Path, *, matlab: bool) -> Iterator[Mapping[str, ArrayInFile]
         with path.open("rb") as file:
             begin = file.read(6)
     except (OSError, ValueError) as error:
-        message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
-        raise MeasurementError(message) from error
+        raise MeasurementError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
     is_hdf5 = h5py.is_hdf5(path)
     is_numpy, is_tdms = begin == NPY or begin[:4] == _ZIP, begin[:4] == MAGIC
     if not (is_hdf5 or matlab or is_numpy or is_tdms):
-        message = f"{path}: is not an HDF5 file"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: is not an HDF5 file")
     try:
         if is_hdf5:
             with h5py.File(path, "r") as file:
@@ -386,8 +383,7 @@ def array(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, *,
         message = f"{path}: variable {name!r} ({key}): no numbers of that name; the file holds "
         raise MeasurementError(message + (", ".join(there) or "no numbers") + more) from None
     if not 0 < prod(held.shape) <= LARGEST:
-        message = f"{path}: variable {name!r} ({key}): holds {held}, expected 1 to {LARGEST} values"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: variable {name!r} ({key}): holds {held}, expected 1 to {LARGEST} values")
     value = held.read()
     return np.asarray(value, complex if np.iscomplexobj(value) else float)
 

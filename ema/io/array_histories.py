@@ -51,11 +51,10 @@ def read_histories(path: Path, layout: VariableLayout, *, matlab: bool) -> tuple
         first, reference = blocks[0]
         for name, block in blocks:
             if (*block.shape[:2], block.shape[3]) != (*reference.shape[:2], reference.shape[3]):
-                message = (
+                raise MeasurementError(
                     f"{path}: variable {name!r} (history): {_counts(block)} do not fit the {_counts(reference)} of "
                     f"{first!r}; expected as many in all; is the order axes = {list(layout.axes)} right?"
                 )
-                raise MeasurementError(message)
         time = _time(path, arrays, layout, blocks)
         _require_one_start(path, arrays, layout, float(time[1] - time[0]) if time.size > 1 else 0.0)
     inside = 1 if layout.time == FIRST_CHANNEL else 0
@@ -85,12 +84,11 @@ def _require_one_start(path: Path, arrays: Mapping[str, ArrayInFile], layout: Va
     for group in starts.values():
         (first, one), (last, other) = min(group), max(group)
         if last - first > step:
-            message = (
+            raise MeasurementError(
                 f"{path}: channel {other!r} begins {last - first:.4g} s after {one!r} (wf_start_time, "
                 "wf_start_offset), so that their samples are not of the same times; write channels of one task, or cut "
                 "them to one start"
             )
-            raise MeasurementError(message)
 
 
 def _counts(block: Reals) -> str:
@@ -134,11 +132,10 @@ def _stacked(
         blocks = [along(level + 1, group) for group in of_name.values()]
         for block, group in zip(blocks, of_name.values(), strict=True):
             if block.shape != blocks[0].shape:
-                message = (
+                raise MeasurementError(
                     f"{path}: variable {group[0][0]!r} (history): {_counts(block)} do not fit the {_counts(blocks[0])} "
                     f"of {part[0][0]!r}; expected as many in each of {name!r}"
                 )
-                raise MeasurementError(message)
         return np.concatenate(blocks, axis=_ORDER.index(layout.axes[level]))
 
     return along(0, stacked)
@@ -156,19 +153,17 @@ def _block(
     """Return an array with the axes run, hit, channel, time; those that it does not have are of length one."""
     value = array(path, arrays, "history", name)
     if np.iscomplexobj(value):
-        message = (
+        raise MeasurementError(
             f"{path}: variable {name!r} (history): its numbers are complex, expected time histories; where they are "
             "FRFs, name them as 'frf' and leave [measurement.time] out"
         )
-        raise MeasurementError(message)
     several = layout.history is not None and len(layout.history) > 1
     axes, shape = _axes_of(value, named, droppable=matlab and not several)
     if len(axes) != len(shape):
-        message = (
+        raise MeasurementError(
             f"{path}: variable {name!r} (history): {arrays[name]} have {len(shape)} axes, axes = {list(named)} "
             "names others; say which axis is what"
         )
-        raise MeasurementError(message)
     lengths = [shape[axes.index(a)] if a in axes else 1 for a in _ORDER]
     order = [axes.index(a) for a in _ORDER if a in axes]
     return value.reshape(shape).transpose(order).reshape(lengths)
@@ -197,22 +192,20 @@ def _time(
     if layout.time == FIRST_CHANNEL:
         for other, of_block in blocks:
             if of_block.shape[2] < 2 or np.any(of_block[0, 0, 0] != block[0, 0, 0]):
-                message = (
+                raise MeasurementError(
                     f"{path}: variable {other!r} (history): expected the times in its first channel, the same as in "
                     f"{name!r}, and others beside them, found {of_block.shape[2]} channels; is the order axes = "
                     f"{list(layout.axes)} right?"
                 )
-                raise MeasurementError(message)
     elif layout.time is not None:
         given = _alike(path, arrays, "time", layout.time)
         where, time = f"{path}: variable {given[0]!r} (time)", array(path, arrays, "time", given[0])
         fits = time.size == count or (len(given) > 1 and time.size > count)  # of the first of several hits
         if not fits or max(time.shape, default=0) != time.size or np.iscomplexobj(time):
-            message = (
+            raise MeasurementError(
                 f"{where}: expected {count} real numbers, as many as {name!r} has samples, found {arrays[given[0]]}; "
                 f"is the order axes = {list(layout.axes)} right?"
             )
-            raise MeasurementError(message)
         time = time.ravel()[:count]
     if layout.sampling_Hz is not None:
         return np.arange(count) / _rate(path, arrays, layout.sampling_Hz)
@@ -252,17 +245,15 @@ def read_wav(path: Path, full_scale: tuple[float, ...]) -> tuple[MeasuredFunctio
     """
     rate, data = _content(path)
     if len(full_scale) not in (1, data.shape[1]):
-        message = (
+        raise MeasurementError(
             f"{path}: has {data.shape[1]} channels, and 'full_scale' of the campaign file {len(full_scale)} numbers; "
             "give one for each channel, or one for all"
         )
-        raise MeasurementError(message)
     if rate <= 0 or data.shape[0] < 2 or not np.isfinite(data).all():
-        message = (
+        raise MeasurementError(
             f"{path}: holds {data.shape[0]} samples at {rate:g} Hz, or values that are not finite; expected a record "
             "with its sampling rate in the header"
         )
-        raise MeasurementError(message)
     time = np.arange(data.shape[0]) / rate
     return tuple(
         MeasuredFunction(
@@ -290,11 +281,10 @@ def _content(path: Path) -> tuple[float, Reals]:
         middle = middle_of_bytes if samples.dtype.name == "uint8" else 0.0
         return float(rate), ((samples.astype(float) - middle) / full).reshape(len(samples), -1)
     except Exception as error:  # SciPy raises what it likes at damaged headers
-        message = (
+        raise MeasurementError(
             f"{path}: cannot be read as a WAV file: {getattr(error, 'strerror', None) or error}; expected the whole of "
             "a file of 8 to 64 bits, not compressed"
-        )
-        raise MeasurementError(message) from error
+        ) from error
 
 
 _Records = Mapping[str, NDArray[Any]]

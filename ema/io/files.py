@@ -40,8 +40,7 @@ def whole(path: Path, error: type[Exception]) -> Iterator[Path]:
         part.chmod(0o644)
         part.replace(path)
     except OSError as cause:
-        message = f"cannot write {path}: {cause.strerror}. Choose another folder with -o, or make room."
-        raise error(message) from cause
+        raise error(f"cannot write {path}: {cause.strerror}. Choose another folder with -o, or make room.") from cause
     finally:  # whatever stopped it, Ctrl-C too
         if part is not None:
             part.unlink(missing_ok=True)

@@ -106,11 +106,10 @@ def without_unmeasured(modes: FoundModes) -> FoundModes:
     measured = np.any(modes.shape != 0.0, axis=1)
     zero = ~np.any(modes.shape != 0.0, axis=0)
     if zero.any():
-        message = (
+        raise MeasurementError(
             f"{modes.source}: the shape of mode {int(np.flatnonzero(zero)[0]) + 1} is zero at every point; leave this "
             "mode out, or export it again"
         )
-        raise MeasurementError(message)
     return replace(modes, shape=modes.shape[measured], node=modes.node[measured], direction=modes.direction[measured])
 
 
@@ -127,12 +126,14 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
     for part, rows_of in zip(parts, places, strict=True):
         if len(rows_of) < part.node.size:
             dof = next(dof for row, dof in enumerate(part.dofs) if rows_of[dof] != row)
-            message = f"{part.source}: point {dof[0]} stands twice in the same direction; a shape has each DOF once"
-            raise MeasurementError(message)
+            raise MeasurementError(
+                f"{part.source}: point {dof[0]} stands twice in the same direction; a shape has each DOF once"
+            )
     common = [dof for dof in places[0] if all(dof in rows_of for rows_of in places)]
     if not common:
-        message = f"{first.source}: its modes have no point and direction in common; give those of one test"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{first.source}: its modes have no point and direction in common; give those of one test"
+        )
     notes = [note for part in parts for note in part.notes]
     left = max(map(len, places)) - len(common)
     if left:
@@ -175,18 +176,17 @@ class _Table:
     def numbers(self, name: str, *, blank: bool = False) -> Reals:
         """Return a column of numbers, NaN where a cell is empty and may be."""
         if name not in self.columns:
-            message = f"{self.path}: no column {name!r}; the file has {', '.join(self.columns) or 'no header'}"
-            raise MeasurementError(message)
+            raise MeasurementError(
+                f"{self.path}: no column {name!r}; the file has {', '.join(self.columns) or 'no header'}"
+            )
         numbers = np.empty(len(self.columns[name]))
         for i, cell in enumerate(self.columns[name]):
             try:
                 numbers[i] = np.nan if blank and not cell else float(cell.replace(self.decimal, "."))
             except ValueError as error:
-                message = f"{self.path}: row {i + 2}: {name} is {cell!r}, expected a number"
-                raise MeasurementError(message) from error
+                raise MeasurementError(f"{self.path}: row {i + 2}: {name} is {cell!r}, expected a number") from error
             if not (np.isfinite(numbers[i]) or (blank and not cell)):
-                message = f"{self.path}: row {i + 2}: {name} is {cell!r}, expected a finite number"
-                raise MeasurementError(message)
+                raise MeasurementError(f"{self.path}: row {i + 2}: {name} is {cell!r}, expected a finite number")
         return numbers
 
     def optional(self, name: str, n: int) -> Reals:
@@ -245,13 +245,12 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
     of_shapes = [path for path in paths if "node" in _read(path).columns]
     of_modes = [path for path in paths if path not in of_shapes]
     if len(of_modes) != 1 or len(of_shapes) > 1:
-        message = (
+        raise MeasurementError(
             f"{paths[0]}: tables of modes are one with a row for each mode (frequency_Hz, damping, perhaps a column "
             "for each DOF such as 12+z), and perhaps one with the shapes (node, x, y, z, mode_1_real, mode_1_imag, "
             "...); "
             f"found {', '.join(path.name for path in paths)}"
         )
-        raise MeasurementError(message)
     table = _read(of_modes[0])
     frequency, damping = _poles(table)
     n = frequency.size
@@ -272,8 +271,7 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
     )
     zero = np.flatnonzero(~np.any(shape != 0.0, axis=0))
     if zero.size:
-        message = f"{(of_shapes or of_modes)[0]}: the shape of mode {zero[0] + 1} is zero at every point"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{(of_shapes or of_modes)[0]}: the shape of mode {zero[0] + 1} is zero at every point")
     return joined([modes])  # which looks for DOFs that stand twice
 
 
@@ -281,22 +279,21 @@ def _poles(table: _Table) -> tuple[Reals, Reals]:
     """Return frequencies, Hz, and damping ratios; NaN where a damping is not stated."""
     frequency = table.numbers("frequency_hz")
     if not frequency.size:
-        message = f"{table.path}: holds no mode below its header; expected a row for each"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{table.path}: holds no mode below its header; expected a row for each")
     if np.any(frequency <= 0.0):
         row = int(np.argmin(frequency))
-        message = f"{table.path}: row {row + 2}: frequency_Hz is {frequency[row]:g}, expected a number above 0"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{table.path}: row {row + 2}: frequency_Hz is {frequency[row]:g}, expected a number above 0"
+        )
     damping = table.optional("damping", frequency.size)
     percent = table.optional("damping_percent", frequency.size)
     damping = np.where(np.isnan(damping), percent / 100.0, damping)
     wrong = np.flatnonzero((damping <= 0.0) | (damping >= 1.0))
     if wrong.size:
-        message = (
+        raise MeasurementError(
             f"{table.path}: row {wrong[0] + 2}: the damping ratio is {damping[wrong[0]]:g}, expected one above 0 and "
             "below 1; percent stand in a column damping_percent"
         )
-        raise MeasurementError(message)
     return frequency, damping
 
 
@@ -305,8 +302,9 @@ def _deviation(table: _Table, name: str, n: int) -> Reals:
     std = table.optional(name, n)
     wrong = np.flatnonzero(std < 0.0)
     if wrong.size:
-        message = f"{table.path}: row {wrong[0] + 2}: {name} is {std[wrong[0]]:g}, expected a number of at least 0"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{table.path}: row {wrong[0] + 2}: {name} is {std[wrong[0]]:g}, expected a number of at least 0"
+        )
     return np.where(std > 0.0, std, np.nan)
 
 
@@ -318,11 +316,10 @@ def _beside(table: _Table) -> tuple[Integers, Reals, Complexes]:
             node, sign, axis, part = written.groups()
             parts.setdefault((int(node), sign, axis), {})[part or "real"] = table.numbers(name)
     if not parts:
-        message = (
+        raise MeasurementError(
             f"{table.path}: holds no shapes: expected a column for each DOF, such as 12+z, or a second table with "
             f"node, x, y, z, mode_1_real, ...; the file has {', '.join(table.columns)}"
         )
-        raise MeasurementError(message)
     zero = np.zeros(len(table.columns["frequency_hz"]))
     shape = [columns.get("real", zero) + 1j * columns.get("imag", zero) for columns in parts.values()]
     direction = [(-1.0 if sign == "-" else 1.0) * np.eye(3)["xyz".index(axis)] for _, sign, axis in parts]
@@ -334,14 +331,12 @@ def _apart(table: _Table, n: int, *, largest_node: int = 2**31 - 1) -> tuple[Int
     number = table.numbers("node")
     odd = np.flatnonzero((number != np.round(number)) | (number < 0) | (number > largest_node))
     if odd.size:
-        message = f"{table.path}: row {odd[0] + 2}: node is {number[odd[0]]:g}, expected a point number"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{table.path}: row {odd[0] + 2}: node is {number[odd[0]]:g}, expected a point number")
     direction = np.column_stack([table.numbers(axis) for axis in "xyz"])
     length = np.linalg.norm(direction, axis=1)
     if np.any(length == 0.0) or not number.size:
         row = int(np.argmin(length)) + 2 if number.size else 2
-        message = f"{table.path}: row {row}: x, y, z is the direction of a DOF and cannot be zero"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{table.path}: row {row}: x, y, z is the direction of a DOF and cannot be zero")
     shape = np.empty((number.size, n), dtype=complex)
     for r in range(1, n + 1):
         real = f"mode_{r}" if f"mode_{r}" in table.columns else f"mode_{r}_real"
@@ -349,8 +344,9 @@ def _apart(table: _Table, n: int, *, largest_node: int = 2**31 - 1) -> tuple[Int
         if f"mode_{r}_imag" in table.columns:
             shape[:, r - 1] += 1j * table.numbers(f"mode_{r}_imag")
     if f"mode_{n + 1}_real" in table.columns or f"mode_{n + 1}" in table.columns:
-        message = f"{table.path}: has the shape of a mode {n + 1}, and the table of modes {n} rows; give as many"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{table.path}: has the shape of a mode {n + 1}, and the table of modes {n} rows; give as many"
+        )
     return number.astype(np.int64), direction / length[:, None], shape
 
 
@@ -359,25 +355,21 @@ def _read(path: Path) -> _Table:
     try:
         text = plain_bytes(path).decode("utf-8-sig")
     except (OSError, ValueError) as error:
-        message = f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}"
-        raise MeasurementError(message) from error
+        raise MeasurementError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     head = text.partition("\n")[0]
     delimiter = next((d for d in _DELIMITERS if d in head), ",")
     try:
         rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=delimiter)]
     except csv.Error as error:
-        message = f"{path}: not a table of text: {error}"
-        raise MeasurementError(message) from error
+        raise MeasurementError(f"{path}: not a table of text: {error}") from error
     rows = [row for row in rows if any(row)]
     names = [name.casefold() for name in rows[0]] if rows else []
     twice = sorted({name for name in names if name and names.count(name) > 1})
     if twice:
-        message = f"{path}: row 1 names the column {twice[0]!r} twice"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: row 1 names the column {twice[0]!r} twice")
     for number, row in enumerate(rows[1:], start=2):
         if len(row) > len(names):
-            message = f"{path}: row {number} has {len(row)} cells, and row 1 {len(names)} names"
-            raise MeasurementError(message)
+            raise MeasurementError(f"{path}: row {number} has {len(row)} cells, and row 1 {len(names)} names")
     columns = {name: [row[k] if k < len(row) else "" for row in rows[1:]] for k, name in enumerate(names) if name}
     decimal, notes = "." if delimiter == "," else ",", list[str]()
     first = {"": [row[0] for row in rows[1:]]} if names and not names[0] else {}

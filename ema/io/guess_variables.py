@@ -82,11 +82,10 @@ def guess_variables(path: Path, *, matlab: bool, beside: Mapping[str, int] = Map
         arrays = {name: array.read() for name, array in held.items() if 0 < prod(array.shape) <= LARGEST}
         units = {name: array.unit for name, array in held.items() if array.unit}
     if not arrays:
-        message = (
+        raise MeasurementError(
             f"{path}: holds no arrays of numbers; text and objects, such as a dict that numpy.save pickled, are not "
             "read: write arrays, such as numpy.savez(file, frf=..., freq=...)"
         )
-        raise MeasurementError(message)
     with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are not finite
         return _guess(path, arrays, units, beside)
 
@@ -113,11 +112,10 @@ def _guess(path: Path, arrays: _Arrays, units: Mapping[str, str], beside: Mappin
     contents = _of_frfs(path, arrays, keys, block, guesses)
     label = _stated_unit(keys, units)
     if label and is_other_ratio(label):
-        message = (
+        raise MeasurementError(
             f"{path}: states the unit {label!r} of {keys.get('frf')!r}, which is no response over a force; export "
             "FRFs, response over force"
         )
-        raise MeasurementError(message)
     return replace(contents, unit=unit_in(label), odd_unit=volts_in(label))
 
 
@@ -133,11 +131,10 @@ def _require_no_modes(path: Path, arrays: _Arrays) -> None:
             if shape.ndim == 2 and n_mode in shape.shape and shape.size > n_mode and _SHAPES.search(field_of(other))
         ]  # fmt: skip
         if shapes:
-            message = (
+            raise MeasurementError(
                 f"{path}: holds modes ({name!r}, {shapes[0]!r}), and no points: write them as a table, with "
                 "frequency_Hz, damping and a column for each DOF such as 12+z, or as universal file (55, 2414)"
             )
-            raise MeasurementError(message)
 
 
 def _stated_unit(keys: Mapping[str, Any], units: Mapping[str, str]) -> str:

@@ -80,8 +80,9 @@ def read_modes_uff(path: Path, geometry: Geometry) -> FoundModes:
     if not modes:
         held = ", ".join(sorted({s.kind for s in sets}))
         said = f" ({notes[0]})" if notes else ""
-        message = f"{path}: no mode shape (data sets 55 or 2414) in the file; it holds data sets {held}{said}"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{path}: no mode shape (data sets 55 or 2414) in the file; it holds data sets {held}{said}"
+        )
     whole = joined(modes)
     return without_unmeasured(replace(whole, source=str(path), notes=(*whole.notes, *dict.fromkeys(notes))))
 
@@ -132,8 +133,9 @@ def _mode(data_set: DataSet, head: _Header, geometry: Geometry, mass: float, not
         notes.append(f"{data_set.where}: holds no mode ({what}); left out")
         return None
     if head.n_value not in (3, 6):
-        message = f"{data_set.where}: {head.n_value} values per node; a shape has 3 (translations) or 6 (and rotations)"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{data_set.where}: {head.n_value} values per node; a shape has 3 (translations) or 6 (and rotations)"
+        )
     if head.analysis == _NORMAL:
         frequency, damping = head.frequency, head.damping
     else:
@@ -189,8 +191,7 @@ def _head_55(data_set: DataSet) -> _Header:
     counts = _integers(data_set, lines, at, 2)
     n_integer, n_real = counts[0], counts[1]
     if not (0 <= n_integer <= 20 and 0 <= n_real <= 100):
-        message = f"{data_set.where}: line 7 of the set announces {n_integer} integers and {n_real} reals"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: line 7 of the set announces {n_integer} integers and {n_real} reals")
     at += -(-(2 + n_integer) // 8)
     rows = -(-n_real // 6)
     reals = [number for row in range(at, at + rows) for number in _reals(data_set, lines, row)]
@@ -217,8 +218,9 @@ def _head_2414(data_set: DataSet) -> _Header:
     _, analysis, _, result, form, n_value = _integers(data_set, lines, 8, 6)
     modes = (_NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND)
     if analysis in modes and place != 1:
-        message = f"{data_set.where}: holds data on elements (location {place}); mode shapes are data at nodes, 1"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{data_set.where}: holds data on elements (location {place}); mode shapes are data at nodes, 1"
+        )
     numbers = (*_reals(data_set, lines, 11), *[0.0] * 6)
     eigen = (*_reals(data_set, lines, 12), *[0.0] * 6)
     return _Header(
@@ -242,8 +244,7 @@ def _damping(viscous: float, hysteretic: float) -> float:
 
 def _is_complex(data_set: DataSet, form: int) -> bool:
     if form not in (*_REAL, *_COMPLEX):
-        message = f"{data_set.where}: data type {form} is not one of 2 and 4 (real), 5 and 6 (complex)"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: data type {form} is not one of 2 and 4 (real), 5 and 6 (complex)")
     return form in _COMPLEX
 
 
@@ -254,19 +255,16 @@ def _values(data_set: DataSet, head: _Header, *, largest_node: int = 2**31 - 1) 
     values: list[list[float]] = []
     for text, numbers in _records(data_set, head.body, n_number):
         if len(numbers) < n_number or not np.isfinite(numbers).all():
-            message = (
+            raise MeasurementError(
                 f"{data_set.where}: point {text} has {len(numbers)} finite values, expected {n_number}; the set is cut "
                 "off or was written with another number of values per node"
             )
-            raise MeasurementError(message)
         if not (re.fullmatch(r"\d+", text) and int(text) <= largest_node):
-            message = f"{data_set.where}: expected a point number, found {text!r}"
-            raise MeasurementError(message)
+            raise MeasurementError(f"{data_set.where}: expected a point number, found {text!r}")
         nodes.append(int(text))
         values.append(numbers)
     if not nodes:
-        message = f"{data_set.where}: no values at points below its head"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: no values at points below its head")
     table = np.array(values, dtype=float)
     return np.array(nodes, dtype=np.int64), (
         table[:, 0::2] + 1j * table[:, 1::2] if head.is_complex else table.astype(complex)
@@ -296,8 +294,7 @@ def _numbers(data_set: DataSet, line: str) -> list[float]:
     """Return the numbers of a line, which may touch each other: a sign begins a new one."""
     numbers = _NUMBER.findall(line)
     if _NUMBER.sub("", line).strip():
-        message = f"{data_set.where}: expected numbers, found {line.strip()[:60]!r}"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: expected numbers, found {line.strip()[:60]!r}")
     return [float(re.sub("[Dd]", "e", word)) for word in numbers]
 
 
@@ -311,15 +308,13 @@ def _integers(data_set: DataSet, lines: list[str], row: int, least: int) -> list
     _require_row(data_set, lines, row)
     words = lines[row].split()
     if len(words) < least or not all(re.fullmatch(r"-?\d{1,10}", word) for word in words[:least]):
-        message = (
+        raise MeasurementError(
             f"{data_set.where}: line {row + 1} of the set should be {least} whole numbers, found "
             f"{lines[row].strip()[:60]!r}"
         )
-        raise MeasurementError(message)
     return [int(word) for word in words[:least]]
 
 
 def _require_row(data_set: DataSet, lines: list[str], row: int) -> None:
     if row >= len(lines):
-        message = f"{data_set.where}: ends after line {len(lines)}, within its head"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: ends after line {len(lines)}, within its head")

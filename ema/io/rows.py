@@ -412,11 +412,10 @@ def _require_even(path: Path, rows: list[str], numbers: list[list[complex] | Non
     width = len(numbers[start] or ())
     first = cells_of(rows[start - 1], delimiter)[:1] if start > 1 else []
     if first and is_number(first[0]) and len(numbers[start - 2] or ()) == width:
-        message = (
+        raise MeasurementError(
             f"{path}: row {start} has other cells than the {width} numbers of the rows beside it: "
             f"{rows[start - 1].strip()[:40]!r}; mend it"
         )
-        raise MeasurementError(message)
 
 
 def titles_of(row: str, delimiter: str) -> list[str]:

@@ -56,11 +56,13 @@ def read_data_arrays(path: Path, unit: Unit | None) -> tuple[MeasuredFunction, .
     except MeasurementError:
         raise
     except Exception as error:  # zip and NumPy raise what they like at damaged archives
-        message = f"{path}: cannot be read as a NumPy file, it is damaged or of another kind: {error}"
-        raise MeasurementError(message) from error
+        raise MeasurementError(
+            f"{path}: cannot be read as a NumPy file, it is damaged or of another kind: {error}"
+        ) from error
     if not functions:
-        message = f"{path}: holds no functions of SDynPy, arrays with the fields {', '.join(sorted(FUNCTION_FIELDS))}"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{path}: holds no functions of SDynPy, arrays with the fields {', '.join(sorted(FUNCTION_FIELDS))}"
+        )
     return tuple(functions)
 
 
@@ -86,8 +88,7 @@ def _arrays(path: Path) -> list[tuple[str, tuple[NDArray[Any], int | None]]]:
     shapes = {name: shape for name, (shape, dtype) in headers.items() if _is_data(dtype)}
     for name, shape in shapes.items():
         if prod(shape) * headers[name][1].itemsize > _LARGEST_BYTES:
-            message = f"{path}: variable {name!r}: holds {shape} functions, more than can be read"
-            raise MeasurementError(message)
+            raise MeasurementError(f"{path}: variable {name!r}: holds {shape} functions, more than can be read")
     with path.open("rb") as file:
         loaded = np.load(file, allow_pickle=False)
         if isinstance(loaded, np.ndarray):
@@ -176,25 +177,22 @@ def read_modes_numpy(path: Path, geometry: Geometry) -> FoundModes:
     array = _array(path)
     parts = [_mode(path, k, mode, geometry) for k, mode in enumerate(array, start=1)]
     if not parts:
-        message = f"{path}: its array of shapes is empty"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: its array of shapes is empty")
     return without_unmeasured(joined(parts))
 
 
 def _mode(path: Path, number: int, mode: Any, geometry: Geometry) -> FoundModes:
     frequency, damping = float(mode["frequency"]), float(np.real(mode["damping"]))
     if not (0.0 < frequency < np.inf and 0.0 <= damping < 1.0):
-        message = (
+        raise MeasurementError(
             f"{path}: mode {number} has the frequency {frequency:g} Hz and the damping ratio {damping:g}; expected one "
             "above 0, and a ratio below 1: leave out rigid-body modes"
         )
-        raise MeasurementError(message)
     code = mode["coordinate"]["direction"].astype(int)
     is_translation = (np.abs(code) >= 1) & (np.abs(code) <= 3)
     shape = np.asarray(mode["shape_matrix"], dtype=complex)[is_translation]
     if not np.isfinite(shape).all() or not shape.size:
-        message = f"{path}: the shape of mode {number} has no translation, or values that are not finite"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: the shape of mode {number} has no translation, or values that are not finite")
     real_mass = mode.dtype.names is not None and "modal_mass" in mode.dtype.names
     mass = complex(mode["modal_mass"]) if real_mass and not np.iscomplexobj(mode["shape_matrix"]) else 0j
     scaled = mass.imag == 0.0 and 0.0 < mass.real < np.inf
@@ -222,15 +220,15 @@ def _array(path: Path) -> NDArray[Any]:
             loaded = np.load(content, allow_pickle=False)
             arrays = {"array": loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
     except Exception as error:  # zip and NumPy raise what they like at damaged archives
-        message = f"{path}: cannot be read as a NumPy file: {getattr(error, 'strerror', None) or error}"
-        raise MeasurementError(message) from error
+        raise MeasurementError(
+            f"{path}: cannot be read as a NumPy file: {getattr(error, 'strerror', None) or error}"
+        ) from error
     candidates = [a for a in arrays.values() if set(SHAPE_FIELDS) <= set(a.dtype.names or ())]
     named = [a for a in candidates if {"node", "direction"} <= set(a.dtype["coordinate"].base.names or ())]
     if len(named) != 1:
         held = ", ".join(f"{name} ({', '.join(a.dtype.names or ('numbers',))})" for name, a in arrays.items())
-        message = (
+        raise MeasurementError(
             f"{path}: expected one array of structures with {', '.join(SHAPE_FIELDS)}, as SDynPy saves shapes; the "
             f"file holds {held or 'nothing'}"
         )
-        raise MeasurementError(message)
     return np.atleast_1d(named[0]).reshape(-1)

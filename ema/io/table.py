@@ -105,20 +105,16 @@ class TableLayout(BaseModel):
     def _consistent(self) -> TableLayout:
         width = self.width
         if any(len(columns) != width for columns in self.columns):
-            message = f"layout {self.layout!r} takes {width} column(s) for each function in 'columns'"
-            raise ValueError(message)
+            raise ValueError(f"layout {self.layout!r} takes {width} column(s) for each function in 'columns'")
         if self.sampling_Hz is not None and self.layout != "time":
-            message = "sampling_Hz is of time histories, layout = 'time'"
-            raise ValueError(message)
+            raise ValueError("sampling_Hz is of time histories, layout = 'time'")
         if self.axis_column == 0 and self.axis_step <= 0 and self.sampling_Hz is None:
-            message = (
+            raise ValueError(
                 "without a column of the frequency or time (axis_column = 0), axis_step must be positive, or state "
                 "the sampling rate of time histories as sampling_Hz"
             )
-            raise ValueError(message)
         if (self.output_columns or self.input_columns) and self.layout == "time":
-            message = "output_columns and input_columns are of FRFs, not of time histories"
-            raise ValueError(message)
+            raise ValueError("output_columns and input_columns are of FRFs, not of time histories")
         return self
 
 
@@ -169,8 +165,7 @@ def read_records(
             records.append(functions)
         end = segment.start + step * functions[0].abscissa.size
     if not records:
-        message = f"{path}: no rows of numbers after {layout.header_rows} header rows"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: no rows of numbers after {layout.header_rows} header rows")
     return tuple(records)
 
 
@@ -185,8 +180,9 @@ def _require_quotes(path: Path, layout: TableLayout, rows: list[str]) -> None:
     """Refuse commas between columns and in numbers, which nothing tells apart but quotes."""
     both = layout.decimal == "," and layout.delimiter == "comma"
     if both and not any('"' in row for row in rows[layout.header_rows :]):
-        message = f"{path}: the comma cannot be both delimiter and decimal mark where numbers do not stand in quotes"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{path}: the comma cannot be both delimiter and decimal mark where numbers do not stand in quotes"
+        )
 
 
 def _record(
@@ -201,8 +197,7 @@ def _record(
     if layout.axis_column:
         used.append(layout.axis_column)
     if beyond > width:
-        message = f"{path}: column {beyond} is asked for, but row {segment.first + 1} has {width} columns"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: column {beyond} is asked for, but row {segment.first + 1} has {width} columns")
     _require_width(path, rows, layout, segment.first)
     table = _numbers(path, rows, layout, sorted(set(used)), segment.first)
     if not layout.output_columns and not layout.input_columns:
@@ -235,11 +230,10 @@ def _rows_of_dofs(
         for columns, of_end in ((layout.output_columns, words[:split]), (layout.input_columns, words[split:])):
             ends.append(dof_of_cells(of_end, layout.direction) if columns else None)
             if columns and ends[-1] is None:
-                message = (
+                raise MeasurementError(
                     f"{path}: row {first + at[0] + 1}, column {', '.join(map(str, columns))}: expected a DOF such as "
                     f"12+z, found {', '.join(map(_shown, of_end))}; state the direction of points alone as direction"
                 )
-                raise MeasurementError(message)
         of_dofs[ends[0], ends[1]] = np.array(at)
     return of_dofs
 
@@ -257,8 +251,7 @@ def _axis(path: Path, layout: TableLayout, table: dict[int, NDArray[Any]], row: 
         require_ascending(where, "row", int(row[0]), axis, "[measurement.table]")
     elif not np.all(np.diff(axis) > 0) and not np.all(np.diff(axis) < 0):
         at = row[1 + int(np.argmin(np.diff(axis) > 0))]
-        message = f"{path}: row {at}, column {layout.axis_column}: the frequency does not ascend"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: row {at}, column {layout.axis_column}: the frequency does not ascend")
     return np.asarray(axis)
 
 
@@ -318,8 +311,9 @@ def read_points(path: Path, unit: Unit) -> Geometry:
     try:
         return _points(path, reader, "." if delimiter == "," else ",", unit)
     except csv.Error as error:  # a cell without end
-        message = f"{path}: row {reader.line_num + 1}: expected a point number and x, y, z, found {error}"
-        raise MeasurementError(message) from error
+        raise MeasurementError(
+            f"{path}: row {reader.line_num + 1}: expected a point number and x, y, z, found {error}"
+        ) from error
 
 
 def point_columns(head: str) -> tuple[str, tuple[str, ...]]:
@@ -347,36 +341,31 @@ def _points(path: Path, reader: csv.DictReader[str], decimal: str, unit: Unit) -
     names = {_point_column(name or ""): name for name in reader.fieldnames or ()}
     missing = [name for name in ("node", "x", "y", "z") if name not in names]
     if missing:
-        message = f"{path}: row 1 must name the columns node, x, y, z; missing: {', '.join(missing)}"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: row 1 must name the columns node, x, y, z; missing: {', '.join(missing)}")
     points: dict[int, list[float]] = {}
     for row in reader:
         beyond = "".join(row.pop(_BEYOND, ())).strip()
         if not any((value or "").strip() for value in row.values()):
             continue
         if beyond:
-            message = (
+            raise MeasurementError(
                 f"{path}: row {reader.line_num} has more cells than row 1 has names; numbers with decimal commas need "
                 "semicolons or tabs between the columns"
             )
-            raise MeasurementError(message)
         cells = {key: str(row[names[key]] or "").strip() for key in ("node", "x", "y", "z")}
         try:
             node = int(np.int64(cells["node"]))
             xyz = [float(cells[key].replace(decimal, ".")) for key in ("x", "y", "z")]
         except (ValueError, OverflowError) as error:
-            message = (
+            raise MeasurementError(
                 f"{path}: row {reader.line_num}: expected a point number and x, y, z, found "
                 f"{', '.join(_shown(cell) for cell in cells.values())}"
-            )
-            raise MeasurementError(message) from error
+            ) from error
         if node in points or not np.isfinite(xyz).all():
-            message = f"{path}: row {reader.line_num}: point {node} is given twice or not finite"
-            raise MeasurementError(message)
+            raise MeasurementError(f"{path}: row {reader.line_num}: point {node} is given twice or not finite")
         points[node] = xyz
     if not points:
-        message = f"{path}: no points below the header row"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: no points below the header row")
     return Geometry(
         node=np.array(list(points)),
         coordinate=np.array(list(points.values())) * unit.factor,
@@ -396,14 +385,12 @@ def _text(path: Path, encoding: str) -> str:
     try:
         return decoded(unpacked(plain_bytes(path), path.suffix), encoding)
     except FileNotFoundError as error:
-        message = f"{path}: cannot be read: there is no such file"
-        raise MeasurementError(message) from error
+        raise MeasurementError(f"{path}: cannot be read: there is no such file") from error
     except (OSError, EOFError, ValueError, LookupError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
-        message = (
+        raise MeasurementError(
             f"{path}: cannot be read as text in encoding {encoding!r}: {error}; say encoding = 'latin-1' or "
             "another one in [measurement.table], or convert binary files (MATLAB, NumPy, zip) to CSV"
-        )
-        raise MeasurementError(message) from error
+        ) from error
 
 
 def _rows(path: Path, layout: TableLayout, rows: list[str]) -> list[str]:
@@ -414,8 +401,7 @@ def _rows(path: Path, layout: TableLayout, rows: list[str]) -> list[str]:
     while rows and not rows[-1].strip():
         rows.pop()
     if not rows:
-        message = f"{path}: no rows of numbers after {layout.header_rows} header rows"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: no rows of numbers after {layout.header_rows} header rows")
     return rows
 
 
@@ -435,11 +421,10 @@ def _all_columns(width: int, layout: TableLayout, path: Path) -> tuple[tuple[int
     taken = {layout.axis_column, *layout.coherence_columns, *layout.output_columns, *layout.input_columns}
     free = [c for c in range(1, width + 1) if c not in taken]
     if not free or len(free) % step:
-        message = (
+        raise MeasurementError(
             f"{path}: row {layout.header_rows + 1} has {len(free)} columns for functions, which is not "
             f"{step} for each; is the delimiter {layout.delimiter!r} right? Else name them in 'columns'"
         )
-        raise MeasurementError(message)
     return tuple(tuple(free[i : i + step]) for i in range(0, len(free), step))
 
 
@@ -452,10 +437,9 @@ def _require_width(path: Path, rows: list[str], layout: TableLayout, first: int)
         cells = cells_of(rows[k], layout.delimiter)
         width = len(cells_of(rows[int(np.flatnonzero(counts == usual)[0])], layout.delimiter))
         if len(cells) > width and all(_begins_with_number(cell, layout) for cell in cells):
-            message = (
+            raise MeasurementError(
                 f"{path}: row {first + k + 1} has {len(cells)} numbers, and the others {width}: columns are shifted"
             )
-            raise MeasurementError(message)
 
 
 def _numbers(

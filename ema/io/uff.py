@@ -78,11 +78,10 @@ def abscissa_factor(label: str, dimension: Dimension, where: str) -> float:
     factor = known.get(text.lower())
     if factor is None:
         right = "Hz, kHz, rad/s or rpm" if dimension == "frequency" else "s, ms, us or min"
-        message = (
+        raise MeasurementError(
             f"{where}: field 'abscissa units label' is {label!r}, which is no unit of a {dimension}; expected {right}: "
             "export the function with one of them"
         )
-        raise MeasurementError(message)
     return factor
 
 
@@ -188,8 +187,7 @@ def read_uff_functions(
                 function = replace(function, abscissa=functions[-1].abscissa)  # held once for all
             functions.append(function)
     if not functions:
-        message = f"{path}: no function (dataset 58) in the file; it holds {_listed(sets)}"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: no function (dataset 58) in the file; it holds {_listed(sets)}")
     return tuple(functions), tuple(notes)
 
 
@@ -280,11 +278,9 @@ def _parsed(sets: list[DataSet]) -> list[tuple[str, dict[str, Any]]]:
             try:
                 content = pyuff.UFF(str(clean)).read_sets(0)
             except Exception as error:  # pyuff raises bare exceptions
-                message = f"{data_set.where}: {_first_fault(data_set)}"
-                raise MeasurementError(message) from error
+                raise MeasurementError(f"{data_set.where}: {_first_fault(data_set)}") from error
             if "type" not in content:
-                message = f"{data_set.where}: {_first_fault(data_set)}"
-                raise MeasurementError(message)
+                raise MeasurementError(f"{data_set.where}: {_first_fault(data_set)}")
             result.append((data_set.where, content))
     return result
 
@@ -328,8 +324,7 @@ def _file_units(parsed: list[tuple[str, dict[str, Any]]], notes: list[str]) -> F
     where, content = stated[0]
     length, force = content["length"], content["force"]
     if not (np.isfinite(length) and np.isfinite(force) and length > 0 and force > 0):
-        message = f"{where}: field 'unit factors' must be positive, found length {length}, force {force}"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{where}: field 'unit factors' must be positive, found length {length}, force {force}")
     factors = {1: (1.0, 1.0), 3: (1.0, 1 / 9.80665), 5: (1e3, 1e3), 6: (1e2, 1e2)}
     expected = factors.get(content["units_code"], (length, force))
     if not np.allclose(expected, (length, force), rtol=1e-3):
@@ -472,8 +467,7 @@ def _points(parsed: list[tuple[str, dict[str, Any]]], scale: float, none_found: 
             continue
         columns = [content[key] for key in ("node_nums", "def_cs", "disp_cs", "x", "y", "z")]
         if len({len(column) for column in columns}) != 1 or not np.all(np.abs(np.array(columns, float)) < _LARGEST):
-            message = f"{where}: the records of the points are incomplete or not finite"
-            raise MeasurementError(message)
+            raise MeasurementError(f"{where}: the records of the points are incomplete or not finite")
         for label, defined, measured, *xyz in zip(*columns, strict=True):
             node = int(label)
             unknown |= {int(s) for s in (defined, measured) if s and int(s) not in systems}
@@ -513,20 +507,17 @@ def _systems(parsed: list[tuple[str, dict[str, Any]]]) -> dict[int, _System]:
             keys = ("cs_num", "cs_type", "ref_cs_num")
             points = [_floats(content[key]) for key in ("ref_o", "x_point", "xz_point")]
             if not all(np.all(np.abs(p) < 1e30) for p in points):
-                message = f"{where}: the points of the coordinate systems are not finite"
-                raise MeasurementError(message)
+                raise MeasurementError(f"{where}: the points of the coordinate systems are not finite")
             frames = [(_axes(o, x, xz), o) for o, x, xz in zip(*points, strict=False)]
         else:
             continue
         numbers = [_floats(content[key]) for key in keys]
         if {len(n) for n in numbers} != {len(frames)} or not np.all(np.abs(numbers) < _LARGEST):
-            message = f"{where}: the records of the coordinate systems are incomplete or not finite"
-            raise MeasurementError(message)
+            raise MeasurementError(f"{where}: the records of the coordinate systems are incomplete or not finite")
         for (label, kind, reference), (rows, origin) in zip(np.transpose(numbers), frames, strict=True):
             length = np.linalg.norm(rows, axis=1, keepdims=True)
             if kind != 0 or not (np.isfinite(rows).all() and np.all(length > 0)):
-                message = f"{where}: coordinate system {int(label)} is not Cartesian with three axes"
-                raise MeasurementError(message)
+                raise MeasurementError(f"{where}: coordinate system {int(label)} is not Cartesian with three axes")
             base = systems.get(int(reference)) if content["type"] == 18 else None
             axes, start = rows / length, origin
             if base is not None:
@@ -557,8 +548,9 @@ def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> Integers:
         if content["type"] == 82:
             values = np.asarray(content["nodes"], float)
             if not np.all(np.abs(values) < _LARGEST):  # also where it is not a number
-                message = f"{where}: field 'nodes defining trace line' holds values that are no point numbers"
-                raise MeasurementError(message)
+                raise MeasurementError(
+                    f"{where}: field 'nodes defining trace line' holds values that are no point numbers"
+                )
             nodes = values.astype(int).tolist()
             pairs += [(a, b) for a, b in pairwise(nodes) if a > 0 and b > 0]
         elif content["type"] == 2412:
@@ -566,8 +558,7 @@ def _trace_lines(parsed: list[tuple[str, dict[str, Any]]]) -> Integers:
                 for element in elements:
                     nodes = [int(n) for n in element["nodes_nums"]]
                     if any(abs(n) >= _LARGEST for n in nodes):
-                        message = f"{where}: an element has nodes that are no point numbers"
-                        raise MeasurementError(message)
+                        raise MeasurementError(f"{where}: an element has nodes that are no point numbers")
                     pairs += zip(nodes, nodes[1:] + nodes[:1] if len(nodes) > 2 else nodes[1:], strict=False)
     once = dict.fromkeys((min(pair), max(pair)) for pair in pairs if pair[0] != pair[1])
     return np.array(list(once), dtype=np.int64).reshape(-1, 2)

@@ -171,8 +171,7 @@ def data_sets(path: Path, *, heads: bool = False) -> Iterator[DataSet]:
         yield DataSet(where=where, kind=name, kind_line=line, body=body, closed=end[1] >= 0)
         position = end[1] if end[1] >= 0 else len(data)
     if n_set == 0:
-        message = f"{path}: not a universal file: no data set between delimiter lines '    -1'"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{path}: not a universal file: no data set between delimiter lines '    -1'")
 
 
 def _content(path: Path) -> Content:
@@ -187,8 +186,7 @@ def _content(path: Path) -> Content:
                 return data[:].replace(b"\r", b"\n")
             return data
     except (OSError, ValueError) as error:
-        message = f"{path}: cannot be read: {getattr(error, 'strerror', error)}"
-        raise MeasurementError(message) from error
+        raise MeasurementError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from error
 
 
 def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
@@ -202,15 +200,13 @@ def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
     notes = [] if data_set.closed else [f"{data_set.where}: not closed by a delimiter; read to the end of the file"]
     lines, body = _header_lines(data_set.body)
     if len(lines) < _HEADER_LINES:
-        message = f"{data_set.where}: the header has {len(lines)} lines instead of {_HEADER_LINES}"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: the header has {len(lines)} lines instead of {_HEADER_LINES}")
     header = _fields(lines[5], _DOF, "", data_set.where) | _fields(lines[6], _FORM, "", data_set.where)
     for name, line in zip(_AXES, lines[7:], strict=True):
         header |= _fields(line, _AXIS, f"{name} ", data_set.where)
     ordinate = header["ordinate data type"]
     if ordinate not in _SIZE:
-        message = f"{data_set.where}: ordinate data type {ordinate} is not one of 2, 4, 5, 6"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: ordinate data type {ordinate} is not one of 2, 4, 5, 6")
     if head:
         value = np.zeros(1, complex if ordinate in _COMPLEX else float)
         return Record58(where=data_set.where, header=header, abscissa=np.zeros(1), value=value, notes=())
@@ -227,8 +223,7 @@ def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
     else:
         count = announced  # what exceeds the count by less than a line fills up the last line
     if count == 0:
-        message = f"{data_set.where}: no data values"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{data_set.where}: no data values")
     table = numbers[: count * per_value].reshape(count, per_value)
     abscissa, table = (table[:, 0], table[:, 1:]) if uneven else (_even_abscissa(header, count, data_set), table)
     value = table[:, 0] + 1j * table[:, 1] if ordinate in _COMPLEX else table[:, 0]
@@ -342,8 +337,7 @@ def _fields(line: bytes, fields: _Fields, prefix: str, where: str) -> dict[str, 
         try:
             values[prefix + name] = kind(text or "0") if kind is not str else text
         except ValueError as error:
-            message = f"{where}: field {prefix + name!r} is not a number: {text!r}"
-            raise MeasurementError(message) from error
+            raise MeasurementError(f"{where}: field {prefix + name!r} is not a number: {text!r}") from error
     return values
 
 
@@ -358,19 +352,19 @@ def _decoded(text: bytes) -> str:
 def _even_abscissa(header: dict[str, Any], count: int, data_set: DataSet) -> Reals:
     step = header["abscissa increment"]
     if not (np.isfinite(step) and step > 0 and np.isfinite(header["abscissa minimum"])):
-        message = f"{data_set.where}: field 'abscissa increment' must be positive for even spacing, found {step}"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{data_set.where}: field 'abscissa increment' must be positive for even spacing, found {step}"
+        )
     return header["abscissa minimum"] + step * np.arange(count)
 
 
 def _binary_numbers(data_set: DataSet, body: bytes, header: dict[str, Any], per_value: int, notes: list[str]) -> Reals:
     description = _fields(data_set.kind_line, _BINARY, "", data_set.where)
     if description["floating-point format"] not in (0, 2):
-        message = (
+        raise MeasurementError(
             f"{data_set.where}: field 'floating-point format' is {description['floating-point format']}; "
             "only IEEE 754 (2) is read"
         )
-        raise MeasurementError(message)
     size = _SIZE[header["ordinate data type"]]
     order = ">" if description["byte order"] == 2 else "<"
     surplus = len(body) - header["number of values"] * per_value * size
@@ -396,8 +390,7 @@ def _text_numbers(where: str, body: bytes, ordinate: int, uneven: bool) -> Reals
     if numbers is None:
         rows = enumerate(text.splitlines(), start=1)
         row, line = next((row, line) for row, line in rows if _converted(line.split()) is None)
-        message = f"{where}: data line {row} does not hold numbers: {_decoded(line).rstrip()!r}"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{where}: data line {row} does not hold numbers: {_decoded(line).rstrip()!r}")
     return numbers
 
 
@@ -474,8 +467,7 @@ def encoded_frfs(frf: FRF, geometry: Geometry) -> list[bytes]:
     type_of_motion = {"receptance": 8, "mobility": 11, "accelerance": 12}
     step = np.diff(frf.frequency)
     if step.size == 0 or np.ptp(step) > 1e-6 * step.mean():
-        message = "a universal file is written for a uniform frequency axis only; this one is not"
-        raise MeasurementError(message)
+        raise MeasurementError("a universal file is written for a uniform frequency axis only; this one is not")
     blocks = []
     for i, source in enumerate(frf.source):
         for j in range(frf.input.node.size):

@@ -109,8 +109,7 @@ class VariableLayout(BaseModel):
     @model_validator(mode="after")
     def _consistent(self) -> VariableLayout:
         if len(set(self.axes)) < len(self.axes):
-            message = f"axes: each once, found {list(self.axes)}"
-            raise ValueError(message)
+            raise ValueError(f"axes: each once, found {list(self.axes)}")
         if self.history is not None:
             _require_of_histories(self)
         else:
@@ -119,57 +118,54 @@ class VariableLayout(BaseModel):
 
     def _require_of_frfs(self) -> None:
         if self.time is not None or self.sampling_Hz is not None:
-            message = "'time' and 'sampling_Hz' belong to 'history', variables of time histories"
-            raise ValueError(message)
+            raise ValueError("'time' and 'sampling_Hz' belong to 'history', variables of time histories")
         given = [key for keys in WAYS for key in keys if getattr(self, key) is not None]
         if tuple(given) not in WAYS:
-            message = "give either 'frf', the complex FRFs, or 'real' and 'imaginary', or 'magnitude' and 'phase'"
-            raise ValueError(message)
+            raise ValueError(
+                "give either 'frf', the complex FRFs, or 'real' and 'imaginary', or 'magnitude' and 'phase'"
+            )
         counts = {key: len(getattr(self, key)) for key in given}
         if len(set(counts.values())) > 1:
             said = ", ".join(f"{count} of {key!r}" for key, count in counts.items())
-            message = f"as many variables of both parts, found {said}"
-            raise ValueError(message)
+            raise ValueError(f"as many variables of both parts, found {said}")
         if "frequency" not in self.axes or not set(self.axes) <= _OF_FRFS:
-            message = f"axes: each of 'frequency', 'output', 'input' once, 'frequency' always, found {list(self.axes)}"
-            raise ValueError(message)
+            raise ValueError(
+                f"axes: each of 'frequency', 'output', 'input' once, 'frequency' always, found {list(self.axes)}"
+            )
         if self.frequency == FIRST_COLUMN and self.axes != ("frequency", "output"):
-            message = f"frequencies in the first column need axes = ['frequency', 'output'], found {list(self.axes)}"
-            raise ValueError(message)
+            raise ValueError(
+                f"frequencies in the first column need axes = ['frequency', 'output'], found {list(self.axes)}"
+            )
         if self.frequency is None and self.axis_step <= 0:
-            message = "without a variable of the frequencies ('frequency'), axis_step must be positive"
-            raise ValueError(message)
+            raise ValueError("without a variable of the frequencies ('frequency'), axis_step must be positive")
         for end in ("output", "input"):
             if (getattr(self, f"{end}_point") is None) != (getattr(self, f"{end}_direction") is None):
-                message = f"'{end}_point' and '{end}_direction' belong together"
-                raise ValueError(message)
+                raise ValueError(f"'{end}_point' and '{end}_direction' belong together")
 
 
 def _require_of_histories(layout: VariableLayout) -> None:
     """Refuse what does not describe time histories."""
     foreign = layout.model_fields_set - {"history", "time", "sampling_Hz", "axes"}
     if foreign:
-        message = (
+        raise ValueError(
             f"{', '.join(map(repr, sorted(foreign)))}: of FRFs, not of time histories ('history'); their points and "
             "directions are 'output' and 'input' of the configuration"
         )
-        raise ValueError(message)
     if "time" not in layout.axes or not set(layout.axes) <= _OF_HISTORIES:
-        message = (
+        raise ValueError(
             "axes of time histories: each of 'time', 'channel', 'hit', 'run' at most once, 'time' always, such as "
             f"['time', 'channel'], found {list(layout.axes)}"
         )
-        raise ValueError(message)
     for name in layout.history or ():
         if not set(layout.axes[: name.count("*")]) <= {"hit", "run"}:
-            message = (
+            raise ValueError(
                 f"{name!r}: each * stands for one of the first axes, 'hit' or 'run', such as axes = ['hit', 'channel', "
                 f"'time'], found {list(layout.axes)}"
             )
-            raise ValueError(message)
     if layout.time is None and layout.sampling_Hz is None:
-        message = "time histories need 'time', the variable of their times, or their sampling rate as 'sampling_Hz'"
-        raise ValueError(message)
+        raise ValueError(
+            "time histories need 'time', the variable of their times, or their sampling rate as 'sampling_Hz'"
+        )
 
 
 def read_variables(
@@ -242,11 +238,10 @@ def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout)
         frfs = [(name, _block(path, arrays, layout, "frf", name)) for name in layout.frf]
         for name, value in frfs:
             if not np.iscomplexobj(value):
-                message = (
+                raise MeasurementError(
                     f"{path}: variable {name!r} (frf): its numbers are real, expected complex ones; where the parts "
                     "are variables of their own, name them as 'real' and 'imaginary', or as 'magnitude' and 'phase'"
                 )
-                raise MeasurementError(message)
     else:
         keys = next(keys for keys in WAYS if getattr(layout, keys[0]) is not None)
         pairs = zip(*(getattr(layout, key) for key in keys), strict=True)
@@ -254,11 +249,10 @@ def _frfs(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout)
     for name, value in frfs:
         if (value.shape[0], value.shape[2]) != (frfs[0][1].shape[0], frfs[0][1].shape[2]):
             key = next(keys[0] for keys in WAYS if getattr(layout, keys[0]) is not None)
-            message = (
+            raise MeasurementError(
                 f"{path}: variable {name!r} ({key}): {arrays[name]} do not fit the {arrays[frfs[0][0]]} of "
                 f"{frfs[0][0]!r}; expected the same frequencies and inputs in all"
             )
-            raise MeasurementError(message)
     return frfs
 
 
@@ -268,11 +262,10 @@ def _of_parts(
     """Return FRFs from two variables, of real and imaginary parts or of magnitudes and phases."""
     first, second = (_block(path, arrays, layout, key, name) for key, name in zip(keys, names, strict=True))
     if first.shape != second.shape or np.iscomplexobj(first) or np.iscomplexobj(second):
-        message = (
+        raise MeasurementError(
             f"{path}: variables {names[0]!r} ({keys[0]}) and {names[1]!r} ({keys[1]}): expected real numbers in "
             f"one shape, found {arrays[names[0]]} and {arrays[names[1]]}"
         )
-        raise MeasurementError(message)
     if keys[0] == "real":
         return np.asarray(first + 1j * second)
     return from_polar(first, second, decibel=layout.magnitude_unit == "dB", degrees=layout.phase_unit == "deg")
@@ -283,19 +276,17 @@ def _coherences(
 ) -> list[_Named]:
     names = layout.coherence or ()
     if names and len(names) != len(frfs):
-        message = (
+        raise MeasurementError(
             f"{path}: variables {', '.join(map(repr, names))} (coherence): expected one for each of the "
             f"{len(frfs)} of the FRFs"
         )
-        raise MeasurementError(message)
     coherences = [(name, _block(path, arrays, layout, "coherence", name)) for name in names]
     for (name, coherence), (frf, value) in zip(coherences, frfs, strict=False):
         if coherence.shape != value.shape or np.iscomplexobj(coherence):
-            message = (
+            raise MeasurementError(
                 f"{path}: variable {name!r} (coherence): expected real numbers in the shape of "
                 f"{frf!r}, {arrays[name]} do not fit"
             )
-            raise MeasurementError(message)
     return coherences
 
 
@@ -310,11 +301,10 @@ def _block(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout
         shape = tuple(n for n in shape if n > 1)
     shape += (1,) * (len(axes) - len(shape))  # and it drops axes of length one at the end
     if len(shape) != len(axes):
-        message = (
+        raise MeasurementError(
             f"{path}: variable {name!r} ({key}): {arrays[name]} are more axes than axes = {list(axes)} "
             "names; say which axis is what"
         )
-        raise MeasurementError(message)
     order = [axes.index(a) for a in ("frequency", "output", "input") if a in axes]
     lengths = [shape[axes.index(a)] if a in axes else 1 for a in ("frequency", "output", "input")]
     return value.reshape(shape).transpose(order).reshape(lengths)
@@ -323,11 +313,10 @@ def _block(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLayout
 def _two_columns(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str) -> NDArray[Any]:
     value = array(path, arrays, key, name)
     if value.ndim != 2 or not 1 < value.shape[1] < value.shape[0]:
-        message = (
+        raise MeasurementError(
             f"{path}: variable {name!r} ({key}): expected the frequencies in its first column and values beside "
             f"them, found {arrays[name]}"
         )
-        raise MeasurementError(message)
     return value
 
 
@@ -339,29 +328,26 @@ def _frequency(path: Path, arrays: Mapping[str, ArrayInFile], layout: VariableLa
         columns = [_two_columns(path, arrays, "frequency", other)[:, 0] for other, _ in frfs]
         for (other, _), column in zip(frfs, columns, strict=True):
             if np.any(column.imag != 0) or np.any(column != columns[0]):
-                message = (
+                raise MeasurementError(
                     f"{path}: variable {other!r} (frequency): expected the frequencies in its first column, real and "
                     f"the same as in {name!r}"
                 )
-                raise MeasurementError(message)
         return _ascending(f"{path}: variable {name!r} (frequency)", columns[0].real)
     value = array(path, arrays, "frequency", layout.frequency)
     where = f"{path}: variable {layout.frequency!r} (frequency)"
     if value.size != count or max(value.shape, default=1) != value.size or np.iscomplexobj(value):
-        message = (
+        raise MeasurementError(
             f"{where}: expected {count} real numbers, as many as the frequency axis of {name!r} "
             f"({arrays[name]}) has, found {arrays[layout.frequency]}; is the order "
             f"axes = {list(layout.axes)} right?"
         )
-        raise MeasurementError(message)
     return _ascending(where, value.ravel())
 
 
 def _ascending(where: str, frequency: Reals) -> Reals:
     if not np.all(np.diff(frequency) > 0) and not np.all(np.diff(frequency) < 0):
         at = int(np.argmin(np.diff(frequency) > 0)) + 2
-        message = f"{where}: value {at}: the frequency does not ascend"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{where}: value {at}: the frequency does not ascend")
     return frequency
 
 
@@ -393,11 +379,10 @@ def _dofs(
     ):
         if not fits.all():
             at = int(np.argmin(fits))
-            message = (
+            raise MeasurementError(
                 f"{path}: variable {getattr(layout, f'{end}_{key}')!r} ({end}_{key}): value {at + 1} is "
                 f"{values[at]:g}, expected {right}"
             )
-            raise MeasurementError(message)
     return [(int(p), int(c)) for p, c in zip(points, codes, strict=True)]
 
 
@@ -407,9 +392,9 @@ def _whole(path: Path, arrays: Mapping[str, ArrayInFile], key: str, name: str, c
     where = f"{path}: variable {name!r} ({key})"
     if prod(value.shape) not in (1, count):
         end = key.partition("_")[0]
-        message = f"{where}: {arrays[name]} numbers for {count} {end}s; expected one for each, or one for all"
-        raise MeasurementError(message)
+        raise MeasurementError(
+            f"{where}: {arrays[name]} numbers for {count} {end}s; expected one for each, or one for all"
+        )
     if np.iscomplexobj(value) or not np.all(value == np.round(value)):
-        message = f"{where}: expected whole numbers"
-        raise MeasurementError(message)
+        raise MeasurementError(f"{where}: expected whole numbers")
     return np.broadcast_to(value.ravel(), (count,))
