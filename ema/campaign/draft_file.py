@@ -17,7 +17,7 @@ from ema.campaign.campaign_file import format_of
 from ema.campaign.draft import RESULT, Draft, PointsFound, first_points, force_by_exclusion, model_file, unlisted
 from ema.campaign.draft_histories import Guessed, Set, averaged, averaging_of, dofs_of, in_order, side_by_side
 from ema.io.files import OF_VOLTS, UNKNOWN, Code, Contents, dof_name, natural, volts_in, whole
-from ema.io.found_modes import is_table_of_modes, is_table_of_shapes
+from ema.io.found_modes import kind_of_table
 from ema.io.measured_function import parse_unit
 from ema.io.modes_uff import holds
 from ema.io.sdynpy import is_shape_array
@@ -431,8 +431,7 @@ def draft_modes(folder: Path) -> Draft | None:
     if any(f.suffix.lower() in _OTHERS for f in every):
         return None
     tables = [f for f in every if f.suffix.lower() in _TEXTS]
-    modes = [f for f in tables if is_table_of_modes(f)]
-    shapes = [f for f in tables if is_table_of_shapes(f)]
+    modes, shapes = ([f for f in tables if kind_of_table(f) == kind] for kind in ("modes", "shapes"))
     points = [f for f in tables if f not in (*modes, *shapes)]
     universal = [f for f in every if format_of(f) == "uff"]
     arrays = [f for f in every if format_of(f) == "numpy"]

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from ema.io.files import dof_name, dofs_in
+from ema.io.files import dof_name, dof_of_cells, dofs_in
 from ema.types.errors import MeasurementError
 from lamella_arrays import Booleans, Complexes, Integers, Reals, readonly
 from lamella_shared import plain_bytes
@@ -59,6 +60,8 @@ class FoundModes:
         Point of each component.
     direction : (n_dof, 3) float
         Its direction in global coordinates.
+    sensor : (n_dof,) int
+        Which accelerometer of a run measured a component, counted from 0.
     notes : tuple of str
         What was odd in the file and how it was resolved.
     """
@@ -66,27 +69,30 @@ class FoundModes:
     source: str
     frequency: Reals
     damping: Reals
-    frequency_std: Reals
-    damping_std: Reals
     shape: Complexes
-    shape_std: Reals
     scaled: Booleans
     node: Integers
     direction: Reals
+    frequency_std: Reals = field(default_factory=lambda: np.array(np.nan))
+    damping_std: Reals = field(default_factory=lambda: np.array(np.nan))
+    shape_std: Reals = field(default_factory=lambda: np.array(np.nan))
+    sensor: Integers = field(default_factory=lambda: np.array(0))
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         n_mode, n_dof = np.size(self.frequency), np.size(self.node)
-        for name in ("frequency", "damping", "frequency_std", "damping_std", "shape_std"):
-            object.__setattr__(self, name, readonly("FoundModes", name, getattr(self, name), (n_mode,)))
         expected: dict[str, tuple[tuple[int, ...], type]] = {
+            **dict.fromkeys(("frequency", "damping", "frequency_std", "damping_std", "shape_std"), ((n_mode,), float)),
             "shape": ((n_dof, n_mode), complex),
             "scaled": ((n_mode,), bool),
             "node": ((n_dof,), int),
             "direction": ((n_dof, 3), float),
+            "sensor": ((n_dof,), int),
         }
         for name, (shape, dtype) in expected.items():
-            object.__setattr__(self, name, readonly("FoundModes", name, getattr(self, name), shape, dtype))
+            value = np.asarray(getattr(self, name))
+            value = value if value.ndim else np.broadcast_to(value, shape)  # the same of all, as where it is unstated
+            object.__setattr__(self, name, readonly("FoundModes", name, value, shape, dtype))
 
     @property
     def dofs(self) -> list[tuple[int, ...]]:
@@ -110,7 +116,11 @@ def without_unmeasured(modes: FoundModes) -> FoundModes:
             f"{modes.source}: the shape of mode {int(np.flatnonzero(zero)[0]) + 1} is zero at every point; leave this "
             "mode out, or export it again"
         )
-    return replace(modes, shape=modes.shape[measured], node=modes.node[measured], direction=modes.direction[measured])
+    return replace(
+        modes,
+        shape=modes.shape[measured],
+        **{name: getattr(modes, name)[measured] for name in ("node", "direction", "sensor")},
+    )
 
 
 def joined(parts: Sequence[FoundModes]) -> FoundModes:
@@ -140,20 +150,12 @@ def joined(parts: Sequence[FoundModes]) -> FoundModes:
         notes.append(f"{first.source}: {left} components are not in the shapes of all modes; they are left out of all")
     rows = [[rows_of[dof] for dof in common] for rows_of in places]
 
-    def beside(name: str) -> Reals:
-        return np.concatenate([getattr(part, name) for part in parts])
-
+    of_modes = ("frequency", "damping", "frequency_std", "damping_std", "shape_std", "scaled")
     return FoundModes(
         source=first.source,
-        frequency=beside("frequency"),
-        damping=beside("damping"),
-        frequency_std=beside("frequency_std"),
-        damping_std=beside("damping_std"),
         shape=np.concatenate([part.shape[row] for part, row in zip(parts, rows, strict=True)], axis=1),
-        shape_std=beside("shape_std"),
-        scaled=np.concatenate([part.scaled for part in parts]),
-        node=first.node[rows[0]],
-        direction=first.direction[rows[0]],
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in of_modes},
+        **{name: getattr(first, name)[rows[0]] for name in ("node", "direction", "sensor")},
         notes=tuple(dict.fromkeys(notes)),
     )
 
@@ -170,17 +172,21 @@ class _Table:
     path: Path
     columns: dict[str, list[str]]
     decimal: str
-    kind: str = ""  # of another program's, "modes" or "shapes"
+    kind: Literal["modes", "shapes", ""]
     notes: tuple[str, ...] = ()
 
-    def numbers(self, name: str, *, blank: bool = False) -> Reals:
-        """Return a column of numbers, NaN where a cell is empty and may be."""
+    def cells(self, name: str) -> list[str]:
+        """Return a column as it stands."""
         if name not in self.columns:
             raise MeasurementError(
                 f"{self.path}: no column {name!r}; the file has {', '.join(self.columns) or 'no header'}"
             )
-        numbers = np.empty(len(self.columns[name]))
-        for i, cell in enumerate(self.columns[name]):
+        return self.columns[name]
+
+    def numbers(self, name: str, *, blank: bool = False) -> Reals:
+        """Return a column of numbers, NaN where a cell is empty and may be."""
+        numbers = np.empty(len(self.cells(name)))
+        for i, cell in enumerate(self.cells(name)):
             try:
                 numbers[i] = np.nan if blank and not cell else float(cell.replace(self.decimal, "."))
             except ValueError as error:
@@ -189,52 +195,39 @@ class _Table:
                 raise MeasurementError(f"{self.path}: row {i + 2}: {name} is {cell!r}, expected a finite number")
         return numbers
 
+    def whole(self, name: str, *, largest: int = 2**31 - 1) -> Integers:
+        """Return a column of whole numbers of at least 0, such as those of points."""
+        numbers = self.numbers(name)
+        odd = np.flatnonzero((numbers != np.round(numbers)) | (numbers < 0) | (numbers > largest))
+        if odd.size:
+            raise MeasurementError(
+                f"{self.path}: row {odd[0] + 2}: {name} is {self.columns[name][odd[0]]!r}, expected a whole number "
+                "of at least 0"
+            )
+        return numbers.astype(np.int64)
+
     def optional(self, name: str, n: int) -> Reals:
         """Return a column of numbers; NaN where it, or a cell of it, is not there."""
         return self.numbers(name, blank=True) if name in self.columns else np.full(n, np.nan)
 
 
-def is_table_of_modes(path: Path) -> bool:
-    """Tell whether a text file begins with names, of frequencies and others of shapes or damping."""
-    names = _first_names(path)
-    has_shapes = any(_DOF.fullmatch(name) for name in names)
-    if "frequency_hz" in names:
-        return has_shapes or "damping" in names or "damping_percent" in names
-    return "modes" in _of_others(path)
-
-
-def is_table_of_shapes(path: Path) -> bool:
-    """Tell whether a text file is a table of shapes, a row for each DOF."""
-    names = _first_names(path)
-    if {"node", "x", "y", "z"} <= names:
-        return "mode_1_real" in names or "mode_1" in names
-    return "shapes" in _of_others(path)
-
-
-def _of_others(path: Path) -> set[str]:
-    """Return what a table of another program is: of modes or of shapes."""
+def kind_of_table(path: Path) -> Literal["modes", "shapes", ""]:
+    """Return whether a text file is a table of modes, of shapes (a row for each DOF), or neither."""
     try:
-        table = _read(path)
+        return _read(path).kind
     except MeasurementError:
-        return set()
-    return {table.kind} - {""}
+        return ""
 
 
-def _first_names(path: Path, *, longest_row: int = 2**20) -> set[str]:
-    """Return the cells of the first row of a text file in small letters; none where it is no text.
-
-    `longest_row`: characters of names.
-    """
-    try:
-        with path.open(encoding="utf-8-sig") as file:
-            head = file.readline(longest_row).rstrip("\n")
-    except (OSError, ValueError):
-        return set()
-    return {cell.strip().strip('"').casefold() for cell in re.split("[;\t,]", head)}
-
-
-def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
+def read_modes_table(paths: tuple[Path, ...], of: Mapping[str, str] | None = None) -> FoundModes:
     """Read modes from a table, or from one with the modes and one with their shapes, in any order.
+
+    Parameters
+    ----------
+    paths : tuple of Path
+        The tables.
+    of : mapping of str to str, optional
+        Whose modes: where a table has a column of that name, rows with another value are passed over.
 
     Raises
     ------
@@ -242,22 +235,23 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
         A file cannot be read, lacks a column, or holds something that is not a number; the message names file, row and
         column.
     """
-    of_shapes = [path for path in paths if "node" in _read(path).columns]
-    of_modes = [path for path in paths if path not in of_shapes]
+    tables = [_read(path, of) for path in paths]
+    of_shapes = [table for table in tables if "node" in table.columns]
+    of_modes = [table for table in tables if table not in of_shapes]
     if len(of_modes) != 1 or len(of_shapes) > 1:
         raise MeasurementError(
             f"{paths[0]}: tables of modes are one with a row for each mode (frequency_Hz, damping, perhaps a column "
             "for each DOF such as 12+z), and perhaps one with the shapes (node, x, y, z, mode_1_real, mode_1_imag, "
-            "...); "
-            f"found {', '.join(path.name for path in paths)}"
+            f"...); found {', '.join(path.name for path in paths)}"
         )
-    table = _read(of_modes[0])
+    (table,) = of_modes
     frequency, damping = _poles(table)
     n = frequency.size
-    node, direction, shape = _beside(table) if not of_shapes else _apart(_read(of_shapes[0]), n)
+    node, direction, shape = _beside(table) if not of_shapes else _apart(of_shapes[0], n)
+    of_rows = {"sensor": of_shapes[0].whole("sensor")} if of_shapes and "sensor" in of_shapes[0].columns else {}
     scaled = [cell.casefold() in _YES for cell in table.columns.get("mass_normalised", [""] * n)]
     modes = FoundModes(
-        source=str(of_modes[0]),
+        source=str(table.path),
         frequency=frequency,
         damping=damping,
         frequency_std=_deviation(table, "frequency_std_hz", n),
@@ -268,11 +262,36 @@ def read_modes_table(paths: tuple[Path, ...]) -> FoundModes:
         node=node,
         direction=direction,
         notes=table.notes,
+        **of_rows,
     )
     zero = np.flatnonzero(~np.any(shape != 0.0, axis=0))
     if zero.size:
-        raise MeasurementError(f"{(of_shapes or of_modes)[0]}: the shape of mode {zero[0] + 1} is zero at every point")
+        raise MeasurementError(
+            f"{(of_shapes or of_modes)[0].path}: the shape of mode {zero[0] + 1} is zero at every point"
+        )
     return joined([modes])  # which looks for DOFs that stand twice
+
+
+def poles_in_table(path: Path, column: str, of: Mapping[str, str]) -> tuple[tuple[str, ...], Reals]:
+    """Read modes without shapes, and a column of words about each of them.
+
+    Parameters
+    ----------
+    path, of
+        As in `read_modes_table`.
+    column : str
+        The title of the column.
+
+    Returns
+    -------
+    (n_mode,) str, (4, n_mode) float
+        The words; frequencies, their standard deviations, Hz, damping ratios and theirs, NaN where unstated.
+    """
+    table = _read(path, of)
+    frequency, damping = _poles(table)
+    std = (_deviation(table, name, frequency.size) for name in ("frequency_std_hz", "damping_std"))
+    words = tuple(table.cells(column))
+    return words, np.stack([frequency, next(std), damping, next(std)])
 
 
 def _poles(table: _Table) -> tuple[Reals, Reals]:
@@ -326,12 +345,9 @@ def _beside(table: _Table) -> tuple[Integers, Reals, Complexes]:
     return np.array([node for node, _, _ in parts], dtype=np.int64), np.array(direction), np.array(shape)
 
 
-def _apart(table: _Table, n: int, *, largest_node: int = 2**31 - 1) -> tuple[Integers, Reals, Complexes]:
+def _apart(table: _Table, n: int) -> tuple[Integers, Reals, Complexes]:
     """Return points, directions and shapes of a table that has a row for each DOF."""
-    number = table.numbers("node")
-    odd = np.flatnonzero((number != np.round(number)) | (number < 0) | (number > largest_node))
-    if odd.size:
-        raise MeasurementError(f"{table.path}: row {odd[0] + 2}: node is {number[odd[0]]:g}, expected a point number")
+    number = table.whole("node")
     direction = np.column_stack([table.numbers(axis) for axis in "xyz"])
     length = np.linalg.norm(direction, axis=1)
     if np.any(length == 0.0) or not number.size:
@@ -347,10 +363,10 @@ def _apart(table: _Table, n: int, *, largest_node: int = 2**31 - 1) -> tuple[Int
         raise MeasurementError(
             f"{table.path}: has the shape of a mode {n + 1}, and the table of modes {n} rows; give as many"
         )
-    return number.astype(np.int64), direction / length[:, None], shape
+    return number, direction / length[:, None], shape
 
 
-def _read(path: Path) -> _Table:
+def _read(path: Path, of: Mapping[str, str] | None = None) -> _Table:
     """Read a table with a row of names; semicolons or tabs between the columns allow decimal commas."""
     try:
         text = plain_bytes(path).decode("utf-8-sig")
@@ -371,6 +387,7 @@ def _read(path: Path) -> _Table:
         if len(row) > len(names):
             raise MeasurementError(f"{path}: row {number} has {len(row)} cells, and row 1 {len(names)} names")
     columns = {name: [row[k] if k < len(row) else "" for row in rows[1:]] for k, name in enumerate(names) if name}
+    columns = _rows_of(path, columns, of or {})
     decimal, notes = "." if delimiter == "," else ",", list[str]()
     first = {"": [row[0] for row in rows[1:]]} if names and not names[0] else {}
     if (modes := of_modes({**first, **columns}, decimal, notes)) is not None:
@@ -378,7 +395,25 @@ def _read(path: Path) -> _Table:
         return _Table(path=path, columns=modes, decimal=decimal, kind="modes", notes=said)
     if (shapes := of_shapes(columns, decimal)) is not None:
         return _Table(path=path, columns=shapes, decimal=decimal, kind="shapes")
-    return _Table(path=path, columns=columns, decimal=decimal)
+    of_points = {"node", "x", "y", "z"} <= columns.keys() and not {"mode_1", "mode_1_real"}.isdisjoint(columns)
+    of_poles = "frequency_hz" in columns and (
+        not {"damping", "damping_percent"}.isdisjoint(columns) or any(map(_DOF.fullmatch, columns))
+    )
+    return _Table(
+        path=path, columns=columns, decimal=decimal, kind="modes" if of_poles else "shapes" if of_points else ""
+    )
+
+
+def _rows_of(path: Path, columns: Columns, of: Mapping[str, str]) -> Columns:
+    """Return the rows of one specimen or configuration, where the table has columns that name these."""
+    given = {name: value for name, value in of.items() if name in columns}
+    keys = list(zip(*(columns[name] for name in given), strict=True))
+    kept = [i for i, key in enumerate(keys) if key == tuple(given.values())]
+    if keys and not kept:
+        wanted = ", ".join(f"{name} {value!r}" for name, value in given.items())
+        there = ", ".join(dict.fromkeys(" ".join(key) for key in keys))
+        raise MeasurementError(f"{path}: no row of {wanted}; the file has {there}")
+    return {name: [cells[i] for i in kept] for name, cells in columns.items()} if keys else columns
 
 
 Columns = dict[str, list[str]]
@@ -490,7 +525,7 @@ def of_shapes(columns: Columns, decimal: str) -> Columns | None:
         return None
     direction = next((title for title in columns if _DIRECTION.search(title) and title not in modes), None)
     beside = [""] * len(columns[point]) if direction is None else columns[direction]
-    dofs = [_dof(*cells) for cells in zip(columns[point], beside, strict=True)]
+    dofs = [dof_of_cells(cells) for cells in zip(columns[point], beside, strict=True)]
     if any(dof is None for dof in dofs):
         return None
     codes = [dof for dof in dofs if dof is not None]
@@ -500,18 +535,6 @@ def of_shapes(columns: Columns, decimal: str) -> Columns | None:
     for title, match in modes.items():
         shapes[f"mode_{match[1]}_{_part(title[match.end() :])}"] = columns[title]
     return _joined(shapes, decimal)
-
-
-def _dof(cell: str, direction: str) -> tuple[int, int] | None:
-    """Return the DOF that a cell holds, perhaps with a direction in a cell beside it."""
-    axis = re.fullmatch(r"([+-]?)([xyz123])([+-]?)", direction.strip().casefold()) if direction else None
-    if direction and axis is None:
-        return None
-    if axis is not None and re.fullmatch(r"\d{1,9}(\.0*)?", cell):
-        code = "xyz123".index(axis[2]) % 3 + 1
-        return int(float(cell)), -code if "-" in (axis[1], axis[3]) else code
-    dofs = dofs_in(cell)
-    return dofs[0] if len(dofs) == 1 else None
 
 
 def _part(title: str) -> str:

@@ -201,10 +201,7 @@ def _mode(path: Path, number: int, mode: Any, geometry: Geometry) -> FoundModes:
         source=str(path),
         frequency=np.array([frequency]),
         damping=np.array([damping if damping > 0.0 else np.nan]),
-        frequency_std=np.array([np.nan]),
-        damping_std=np.array([np.nan]),
         shape=(shape / np.sqrt(mass.real) if scaled else shape)[:, None],
-        shape_std=np.array([np.nan]),
         scaled=np.array([scaled]),
         node=node,
         direction=np.array(

@@ -20,8 +20,7 @@ from ema.types.frf import Dof, Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel
 from lamella_arrays import Booleans, Complexes, Reals
 
-FREQUENCY_STD, DAMPING_STD, SHAPE_STD = 1e-3, 0.1, 0.01
-USUAL = ModesStd(frequency=FREQUENCY_STD, damping=DAMPING_STD, shape=SHAPE_STD)
+USUAL = ModesStd(frequency=1e-3, damping=0.1, shape=0.01)
 """Relative standard deviations where neither files nor campaign state any, as of tables of specimens. By Au's
 uncertainty law of ambient tests (Mech. Syst. Signal Process. 48, 2014, pp. 15-33) the variance of a frequency is
 damping / (2 pi N) of its square and that of a damping ratio 1 / (2 pi N damping): over N = 1000 to 3000 periods, at a
@@ -135,7 +134,7 @@ def modal_model_of(
         scaled=known.scaled,
         node=modes.node,
         direction=modes.direction,
-        sensor=np.zeros(n_dof, np.int64),
+        sensor=modes.sensor,
         input=inputs,
         band=(float(frequency[0]), float(frequency[-1])),
         geometry=geometry,

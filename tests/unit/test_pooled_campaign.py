@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ema.types.errors import MeasurementError
 from updating.errors import FitError
 from updating.pooled.campaign_file import has_specimens, read_specimens, specimens_of
 from updating.pooled.specimen import Specimen, levels_of
@@ -105,7 +106,7 @@ def test_one_table_does_for_all_specimens(folder):
     assert [one.tested[0][2].frequency.tolist() for one in specimens] == [[300.0], [310.0]]
     by = [("S2,M1", "S2,M2")]
     assert "classes.csv: no row of specimen 'S2', configuration 'M1'; the file has S1 M1, S2 M2" in refused(
-        folder, FitError, file="classes.csv", by=by
+        folder, MeasurementError, file="classes.csv", by=by
     )
 
 
@@ -139,10 +140,15 @@ def test_a_wrong_key_is_named(folder, old, new, said):
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        ("modes.csv", "frequency_Hz", "f", "modes.csv: no column 'frequency_Hz'; the file has mode, f, damping"),
-        ("modes.csv", "200", "2oo", "modes.csv: row 2: frequency_Hz is '2oo', expected a number"),
-        ("modes.csv", "0.002", "1.2", "damping must be a ratio above 0 and below 1, not percent"),
-        ("shapes.csv", "mode_2_imag", "x2", "shapes.csv: no column 'mode_2_imag'"),
+        (
+            "modes.csv",
+            "frequency_Hz",
+            "pitch",
+            "modes.csv: no column 'frequency_hz'; the file has mode, pitch, damping",
+        ),
+        ("modes.csv", "200", "2oo", "modes.csv: row 2: frequency_hz is '2oo', expected a number"),
+        ("modes.csv", "0.002", "1.2", "the damping ratio is 1.2, expected one above 0 and below 1"),
+        ("shapes.csv", "mode_2_real", "x2", "shapes.csv: no column 'mode_2_real'"),
         ("shapes.csv", "\n2,", "\n7,", "points [7] are not in the list of points"),
         ("shapes.csv", "\n2,", "\n1e300,", "shapes.csv: row 3: node is '1e300', expected a whole number"),
         ("shapes.csv", "\n2,", "\n1.5,", "shapes.csv: row 3: node is '1.5', expected a whole number"),
@@ -151,7 +157,7 @@ def test_a_wrong_key_is_named(folder, old, new, said):
     ],
 )
 def test_a_wrong_table_is_named(folder, file, old, new, said):
-    assert said in refused(folder, FitError, file=file, by=[(old, new)])
+    assert said in refused(folder, (FitError, MeasurementError), file=file, by=[(old, new)])
 
 
 def test_levels_are_rig_groups_and_specimens():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import logging
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -14,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ema.io.found_modes import FoundModes
-from ema.modal.read_modes import DAMPING_STD, FREQUENCY_STD, SHAPE_STD, UNSTATED_DAMPING, modal_model_of
+from ema.io.found_modes import FoundModes, poles_in_table, read_modes_table
+from ema.modal.read_modes import modal_model_of
 from ema.types.frf import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from lamella_arrays import Complexes, Integers, Reals
@@ -269,32 +268,6 @@ def height_ratio(specimen: Specimen, model: StackModel) -> float:
     return float(np.log(specimen.stack.height / model.stack.height))
 
 
-_DIRECTION = ("x", "y", "z")
-
-
-def read_modes(path: Path, of: Mapping[str, str]) -> dict[str, list[str]]:
-    """Read the table of modes: the columns by name, at least `frequency_Hz`.
-
-    Parameters
-    ----------
-    path : Path
-        The table.
-    of : mapping of str to str
-        Whose modes: where the table has a column of that name, rows with another value are passed over.
-
-    Raises
-    ------
-    FitError
-        The file cannot be read, has no such column, or holds no mode.
-    """
-    columns = _rows_of(path, _columns(path), of)
-    if "frequency_Hz" not in columns:
-        raise FitError(f"{path}: no column 'frequency_Hz'; the file has {', '.join(columns) or 'no header'}")
-    if not columns["frequency_Hz"]:
-        raise FitError(f"{path}: holds no mode; expected a row for each")
-    return columns
-
-
 def modal_model(
     name: str, of: Mapping[str, str], modes: Path, shapes: Path, geometry: Geometry, force: Dof
 ) -> ModalModel:
@@ -305,7 +278,7 @@ def modal_model(
     name : str
         The configuration.
     of : mapping of str to str
-        Whose rows of the table of modes, see `read_modes`.
+        Whose rows of the tables, see `ema.io.found_modes.read_modes_table`.
     modes : Path
         Columns `frequency_Hz` and, where they are known, `frequency_std_Hz`, `damping`, `damping_std`, and
         `shape_std`, relative to the root mean square of the shape's components.
@@ -319,33 +292,16 @@ def modal_model(
 
     Raises
     ------
-    FitError
+    MeasurementError
         A file cannot be read, lacks a column, or holds something that is not a number.
+    FitError
+        A point is not among the measured ones.
     """
-    table, rows = read_modes(modes, of), _columns(shapes)
-    n = len(table["frequency_Hz"])
-    parts = [
-        _numbers(shapes, rows, f"mode_{r}_real") + 1j * _numbers(shapes, rows, f"mode_{r}_imag")
-        for r in range(1, n + 1)
-    ]
-    shape = np.column_stack(parts)
-    shape = shape / np.abs(shape).max(axis=0)
-    relative = _numbers(modes, table, "shape_std") if "shape_std" in table else np.full(n, SHAPE_STD)
-    rms = np.sqrt(np.mean(np.abs(shape) ** 2, axis=0))
-    node = _whole_numbers(shapes, rows, "node")
-    absent = sorted(set(node.tolist()) - set(geometry.node.tolist()))
+    found = read_modes_table((modes, shapes), of)
+    absent = sorted(set(found.node.tolist()) - set(geometry.node.tolist()))
     if absent:
         raise FitError(f"{shapes}: points {absent} are not in the list of points of the campaign file")
-    sensor = _whole_numbers(shapes, rows, "sensor") if "sensor" in rows else np.zeros(node.size, np.int64)
-    return assembled(
-        name,
-        _poles(modes, table),
-        (shape, np.broadcast_to(relative * rms, shape.shape)),
-        geometry=geometry,
-        dofs=Dofs(node=node, direction=np.column_stack([_numbers(shapes, rows, a) for a in _DIRECTION])),
-        sensor=sensor,
-        force=force,
-    )
+    return replace(modal_model_of(found, name=name, geometry=geometry, force=force), read_from="")
 
 
 def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Reals]:
@@ -356,29 +312,25 @@ def classes(path: Path, of: Mapping[str, str]) -> tuple[tuple[str, ...], Reals]:
     path : Path
         The table.
     of : mapping of str to str
-        Whose rows, see `read_modes`.
+        Whose rows, see `ema.io.found_modes.read_modes_table`.
 
     Returns
     -------
     (n_mode,) str, (4, n_mode) float
-        Frequencies, their standard deviations, Hz, damping ratios and theirs.
+        Such as "bending 1"; frequencies, their standard deviations, Hz, damping ratios and theirs, NaN where unstated.
 
     Raises
     ------
+    MeasurementError
+        The table cannot be read, or lacks `shape_class`.
     FitError
-        The table cannot be read, lacks `shape_class`, or names a class twice.
+        It names a class twice.
     """
-    table = read_modes(path, of)
-    if "shape_class" not in table:
-        raise FitError(
-            f"{path}: no column 'shape_class', such as 'bending 1', which modes without shapes are known by; "
-            f"the file has {', '.join(table)}"
-        )
-    names = tuple(table["shape_class"])
+    names, poles = poles_in_table(path, "shape_class", of)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise FitError(f"{path}: shape_class {', '.join(map(repr, twice))} stands in more than one row")
-    return names, _poles(path, table)
+    return names, poles
 
 
 def assembled(
@@ -409,78 +361,10 @@ def assembled(
     n, order = frequency.size, np.argsort(frequency)
     found = FoundModes(
         source="", frequency=frequency, frequency_std=frequency_std, damping=damping, damping_std=damping_std,
-        shape=shape, shape_std=np.zeros(n), scaled=np.zeros(n, bool), node=dofs.node, direction=dofs.direction,
+        shape=shape, scaled=np.zeros(n, bool), node=dofs.node, direction=dofs.direction, sensor=sensor,
     )  # fmt: skip
     made = modal_model_of(found, name=name, geometry=geometry, force=force)
-    return replace(made, sensor=sensor, shape=shape[:, order], shape_std=std[:, order])
-
-
-def _rows_of(path: Path, columns: dict[str, list[str]], of: Mapping[str, str]) -> dict[str, list[str]]:
-    """Return the rows of one specimen and configuration, where the table has columns that name these."""
-    given = {name: value for name, value in of.items() if name in columns}
-    keys = list(zip(*(columns[name] for name in given), strict=True))
-    kept = [i for i, key in enumerate(keys) if key == tuple(given.values())]
-    if keys and not kept:
-        wanted = ", ".join(f"{name} {value!r}" for name, value in given.items())
-        there = ", ".join(dict.fromkeys(" ".join(key) for key in keys))
-        raise FitError(f"{path}: no row of {wanted}; the file has {there}")
-    return {name: [cells[i] for i in kept] for name, cells in columns.items()} if keys else columns
-
-
-def _poles(path: Path, table: dict[str, list[str]]) -> Reals:
-    """Return frequencies, their standard deviations, damping ratios and theirs, (4, n_mode); usual ones if unstated."""
-    unknown = 1e3  # the same of what was not measured
-    frequency = _numbers(path, table, "frequency_Hz")
-    if np.any(frequency <= 0.0):
-        raise FitError(f"{path}: frequency_Hz must be above 0, found {frequency.min():g}")
-    given = table.get("damping", [""] * frequency.size)
-    blank = [not cell.strip() for cell in given]
-    filled = {**table, "damping": [cell or str(UNSTATED_DAMPING) for cell in given]}
-    damping = _numbers(path, filled, "damping")
-    if np.any((damping <= 0.0) | (damping >= 1.0)):
-        raise FitError(f"{path}: damping must be a ratio above 0 and below 1, not percent; found {damping.max():g}")
-    known = "frequency_std_Hz" in table
-    frequency_std = _numbers(path, table, "frequency_std_Hz") if known else FREQUENCY_STD * frequency
-    damping_std = (
-        _numbers(path, table, "damping_std") if "damping_std" in table and not any(blank) else DAMPING_STD * damping
-    )
-    return np.stack([frequency, frequency_std, damping, np.where(blank, unknown * damping, damping_std)])
-
-
-def _columns(path: Path) -> dict[str, list[str]]:
-    """Return the columns of a CSV with a header, cells as text."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.DictReader(file, restval="")
-            names = [name or "" for name in reader.fieldnames or ()]
-            rows = [[str(row[name]) for name in names] for row in reader]
-    except (OSError, ValueError, csv.Error) as error:
-        raise FitError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
-    return {name: [row[k] for row in rows] for k, name in enumerate(names)}
-
-
-def _numbers(path: Path, columns: dict[str, list[str]], name: str) -> Reals:
-    if name not in columns:
-        raise FitError(f"{path}: no column {name!r}; the file has {', '.join(columns) or 'no header'}")
-    numbers = np.empty(len(columns[name]))
-    for i, cell in enumerate(columns[name]):
-        try:
-            numbers[i] = float(cell)
-        except ValueError as error:
-            raise FitError(f"{path}: row {i + 2}: {name} is {cell!r}, expected a number") from error
-        if not np.isfinite(numbers[i]):
-            raise FitError(f"{path}: row {i + 2}: {name} is {cell!r}, expected a finite number")
-    return numbers
-
-
-def _whole_numbers(path: Path, columns: dict[str, list[str]], name: str) -> Integers:
-    largest_number = 1e10  # of a point or sensor, as in universal files
-    numbers = _numbers(path, columns, name)
-    odd = np.flatnonzero((numbers != np.round(numbers)) | (np.abs(numbers) > largest_number))
-    if odd.size:
-        i = int(odd[0])
-        raise FitError(f"{path}: row {i + 2}: {name} is {columns[name][i]!r}, expected a whole number, at most 1e10")
-    return numbers.astype(np.int64)
+    return replace(made, shape=shape[:, order], shape_std=std[:, order])
 
 
 CLASS_STD = 0.1
