@@ -31,8 +31,7 @@ from ema.io.uff import FileUnits, read_uff_geometry, read_uff_units
 from ema.io.variables import VariableLayout
 from ema.types.errors import CampaignError
 from ema.types.frf import Dof, Geometry
-from lamella_arrays import Complexes
-from lamella_shared import did_you_mean, read_form
+from lamella_shared import Complexes, did_you_mean, read_form
 
 
 @dataclass(frozen=True, kw_only=True)

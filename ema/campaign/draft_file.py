@@ -24,7 +24,7 @@ from ema.io.sdynpy import is_shape_array
 from ema.io.table import read_points
 from ema.io.uff import read_uff_geometry
 from ema.types.errors import CampaignError, MeasurementError
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 
 _GAP = 3.0  # of the usual distance of neighbours: what is farther apart has a hole between
 

@@ -20,7 +20,7 @@ from ema.io.table import TableLayout, read_table
 from ema.io.uff import read_uff_functions
 from ema.io.variables import VariableLayout
 from ema.types.errors import MeasurementError
-from lamella_arrays import Booleans, Integers, Reals
+from lamella_shared import Booleans, Integers, Reals
 
 Set = tuple[Contents, ...]
 """Files that hold channels of the same records."""

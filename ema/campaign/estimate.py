@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from ema.io.measured_function import parse_unit
 from ema.types.errors import MeasurementError
-from lamella_arrays import Complexes, Integers, Reals, arrays
+from lamella_shared import Complexes, Integers, Reals, arrays
 
 Position = Annotated[int, Field(ge=1)]
 

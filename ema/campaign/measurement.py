@@ -23,7 +23,7 @@ from ema.campaign.reading import (
 from ema.io.measured_function import MeasuredFunction
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dof, Dofs, Geometry, Quantity
-from lamella_arrays import Complexes, Integers, Reals, readonly
+from lamella_shared import Complexes, Integers, Reals, readonly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -40,7 +40,7 @@ from ema.io.table import TableLayout, read_records, read_table
 from ema.io.uff import read_uff_functions
 from ema.io.variables import read_variables
 from ema.types.errors import CampaignError, MeasurementError
-from lamella_arrays import Booleans, Complexes, Reals
+from lamella_shared import Booleans, Complexes, Reals
 
 _Found = tuple[MeasuredFunction, MeasuredFunction | None, float, float]
 

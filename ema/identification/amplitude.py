@@ -33,7 +33,7 @@ from ema.quality.channels import check, usable
 from ema.types.errors import EmaError, MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dofs, Quantity, driving_points
 from ema.types.modal_model import ModalModel, synthesize
-from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
+from lamella_shared import Booleans, Complexes, Integers, Reals, arrays
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -48,7 +48,7 @@ from ema.identification.run_tracking import follow_runs, runs_apart
 from ema.identification.selection import fit_chosen, select_modes, settled
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
-from lamella_arrays import Booleans, Complexes, Integers, Reals
+from lamella_shared import Booleans, Complexes, Integers, Reals
 
 AS_HIGH, SEVERAL = 0.8, 3
 """Share of a pole's statistic, noise deducted, from which on a peak is as high, and how many such make it common."""

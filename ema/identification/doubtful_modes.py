@@ -23,7 +23,7 @@ from ema.quality.verdict import Verdict, listing
 from ema.types.arrays import single_threaded
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.modal_model import ModalModel, frequency_text
-from lamella_arrays import Booleans, Complexes, Reals, arrays
+from lamella_shared import Booleans, Complexes, Reals, arrays
 
 BROAD = 5.0
 """Times the median of the other damping ratios from which on a mode that shows no peak may be no mode."""

@@ -23,7 +23,7 @@ from ema.identification.maximum_likelihood import Fit
 from ema.quality.peaks import peaks_of_any_width, peaks_over_noise
 from ema.types.arrays import BLOCK
 from ema.types.frf import DERIVATIVE, Quantity
-from lamella_arrays import Booleans, Complexes, Integers, Reals
+from lamella_shared import Booleans, Complexes, Integers, Reals
 
 FALSE_ALARM = 1e-4
 """Chance that noise alone brings forth a significant pole anywhere in the band."""

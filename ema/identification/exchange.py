@@ -22,8 +22,7 @@ from ema.modal.read_modes import USUAL, completed, modal_model_of
 from ema.types.errors import IdentificationError, MeasurementError
 from ema.types.frf import FRF, Dof, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel, synthesize
-from lamella_arrays import Complexes, Reals, frozen
-from lamella_shared import csv_text, plain_bytes
+from lamella_shared import Complexes, Reals, csv_text, frozen, plain_bytes
 
 
 def synthesized_frf(modal_model: ModalModel, step: float, quantity: Quantity) -> FRF:

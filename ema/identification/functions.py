@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ema.identification.maximum_likelihood import Fit, linear_fit
 from ema.identification.mode_columns import mode_basis
 from ema.types.frf import Quantity
-from lamella_arrays import Booleans, Complexes, Integers, Reals
+from lamella_shared import Booleans, Complexes, Integers, Reals
 
 MOST_LINES = 20_000
 """Lines up to which a band is taken at once."""

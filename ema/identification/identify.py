@@ -35,7 +35,7 @@ from ema.types.arrays import single_threaded
 from ema.types.errors import EmaError, IdentificationError, MeasurementError
 from ema.types.frf import FRF, Dofs, Geometry, Quantity, driving_points
 from ema.types.modal_model import ModalModel, UnexplainedPeak
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 
 _LOG = logging.getLogger(__name__)
 

@@ -33,7 +33,7 @@ from scipy.linalg import lapack
 
 from ema.identification.mode_columns import mode_basis, mode_derivatives, residual_basis, split_coefficients
 from ema.types.frf import Quantity
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""

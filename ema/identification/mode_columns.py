@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from ema.types.frf import DERIVATIVE, Quantity
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 
 _BLOCK = 8192  # values that are worked on at once: more, and the system makes room for arrays again and again
 _Parts = tuple[Reals, Reals]

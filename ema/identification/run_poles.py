@@ -24,7 +24,7 @@ from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.uncertainty import enlargement, run_noise
 from ema.modal.runs import run_scatter, std_with_scatter
 from ema.types.modal_model import RESOLVED
-from lamella_arrays import Booleans, Complexes, Integers, Reals
+from lamella_shared import Booleans, Complexes, Integers, Reals
 
 _LOG = logging.getLogger(__name__)
 RUNS_DIFFER = 0.05

@@ -23,7 +23,7 @@ from ema.identification.run_poles import RUNS_DIFFER, RunPoles, run_poles
 from ema.identification.selection import select_modes
 from ema.identification.stabilization import stabilization
 from ema.types.frf import FRF
-from lamella_arrays import Complexes, Integers, Reals
+from lamella_shared import Complexes, Integers, Reals
 
 _LOG = logging.getLogger(__name__)
 

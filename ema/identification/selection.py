@@ -46,7 +46,7 @@ from ema.identification.evidence import (
 from ema.identification.functions import MAX_DAMPING, Functions, inside, resonant, response
 from ema.identification.maximum_likelihood import Fit, linear_fit, refine
 from ema.identification.run_poles import RUNS_DIFFER, RunPoles, image_of_a_mode, moves_from_run_to_run, run_poles
-from lamella_arrays import Booleans, Complexes
+from lamella_shared import Booleans, Complexes
 
 _LOG = logging.getLogger(__name__)
 _NONE = np.empty(0, dtype=complex)

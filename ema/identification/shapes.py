@@ -31,7 +31,7 @@ import scipy.linalg
 from ema.identification.evidence import FALSE_ALARM, MIN_COLLINEARITY, MIN_REALNESS, inflation
 from ema.types.frf import DERIVATIVE, FRF, Dofs, Quantity, driving_points
 from ema.types.modal_model import ModalModel, synthesize
-from lamella_arrays import Booleans, Complexes, Integers, Reals
+from lamella_shared import Booleans, Complexes, Integers, Reals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

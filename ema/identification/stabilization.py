@@ -37,7 +37,7 @@ from ema.identification.functions import MAX_DAMPING, PartBand, part_bands
 from ema.modal.mac import cmif
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
-from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
+from lamella_shared import Booleans, Complexes, Integers, Reals, arrays
 
 
 def nearby_roots(

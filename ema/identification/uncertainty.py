@@ -36,7 +36,7 @@ from ema.identification.functions import Functions
 from ema.identification.maximum_likelihood import Fit
 from ema.quality.peaks import MIN_LINES
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

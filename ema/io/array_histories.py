@@ -18,8 +18,7 @@ from ema.io.files import FORCE, UNKNOWN, field_of, natural
 from ema.io.measured_function import Channels, MeasuredFunction, require_ascending
 from ema.io.variables import FIRST_CHANNEL, VariableLayout
 from ema.types.errors import MeasurementError
-from lamella_arrays import Reals
-from lamella_shared import plain_bytes
+from lamella_shared import Reals, plain_bytes
 
 _PARTS = re.compile(r"(\d+)")
 _ORDER = ("run", "hit", "channel", "time")

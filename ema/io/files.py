@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 
 from ema.io.measured_function import Unit, parse_unit
 from ema.types.errors import MeasurementError
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 
 
 @contextmanager

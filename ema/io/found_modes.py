@@ -17,8 +17,7 @@ import numpy as np
 
 from ema.io.files import dof_name, dof_of_cells, dofs_in
 from ema.types.errors import MeasurementError
-from lamella_arrays import Booleans, Complexes, Integers, Reals, readonly
-from lamella_shared import plain_bytes
+from lamella_shared import Booleans, Complexes, Integers, Reals, plain_bytes, readonly
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,7 +43,7 @@ from ema.io.rows import (
     titles_of,
     unpacked,
 )
-from lamella_arrays import Reals
+from lamella_shared import Reals
 
 _OF_FREQUENCY = r"frequency response|transfer function|\bfrf\b|x-axis unit\W*hz\b|x_dimension\W+freq"
 _OF_FRFS = (

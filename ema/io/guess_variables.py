@@ -32,7 +32,7 @@ from ema.io.files import (
 from ema.io.measured_function import is_uneven
 from ema.io.variables import FIRST_COLUMN, WAYS
 from ema.types.errors import MeasurementError
-from lamella_arrays import Reals
+from lamella_shared import Reals
 
 _Arrays = dict[str, NDArray[Any]]
 _FRF = re.compile(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ema.types.errors import MeasurementError
 from ema.types.frf import Quantity
-from lamella_arrays import Reals, readonly
+from lamella_shared import Reals, readonly
 
 Kind = Literal["frf", "coherence", "response", "force", "other"]
 """What a function is: response and force are time histories, "other" (spectra, ...) is read but not used."""

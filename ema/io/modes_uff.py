@@ -18,7 +18,7 @@ from ema.io.uff import mass_unit
 from ema.io.uff58 import DataSet, cut
 from ema.types.errors import MeasurementError
 from ema.types.frf import Geometry
-from lamella_arrays import Complexes, Integers
+from lamella_shared import Complexes, Integers
 
 MODE_SETS = ("55", "2414")
 _FUNCTIONS = ("58", "58b")

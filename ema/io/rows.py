@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ema.types.errors import MeasurementError
-from lamella_arrays import Complexes
+from lamella_shared import Complexes
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": None}
 """What separates columns, by its name; None is any amount of blanks and tabs."""

@@ -29,8 +29,7 @@ from ema.io.rows import (
 )
 from ema.types.errors import MeasurementError
 from ema.types.frf import Geometry
-from lamella_arrays import Integers, Reals
-from lamella_shared import plain_bytes
+from lamella_shared import Integers, Reals, plain_bytes
 
 _BEYOND = "beyond the last column"
 _OF_NODE = r"nodes?|points?|punkte?|knoten|to[cč]ka|(?:node|point)[ _]?(?:no|nr|number|id)\.?"

@@ -34,7 +34,7 @@ from ema.io.uff58 import (
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Geometry, Quantity
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 
 Dimension = Literal["frequency", "time"]
 _FREQUENCY = {

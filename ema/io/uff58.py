@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ema.types.errors import MeasurementError
 from ema.types.frf import FRF, Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Reals
+from lamella_shared import Reals
 
 Content = bytes | mmap.mmap
 _HEADER_LINES = 11

@@ -18,7 +18,7 @@ from ema.io.array_files import ArrayInFile, array, arrays_in
 from ema.io.files import from_polar
 from ema.io.measured_function import MeasuredFunction, Unit
 from ema.types.errors import MeasurementError
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 
 Name = Annotated[str, AfterValidator(lambda name: name.lstrip("/"))]  # HDF5 tools show names from the root
 

@@ -25,8 +25,7 @@ from ema.modal.mac import comac, mac, modal_scale_factor
 from ema.types.errors import IdentificationError
 from ema.types.frf import shared_dofs
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
-from lamella_shared import csv_text
+from lamella_shared import Booleans, Complexes, Integers, Reals, arrays, csv_text
 
 LEVEL = 0.05
 """Probability that a state is called changed that is not."""

@@ -27,7 +27,7 @@ from ema.campaign.campaign import Configuration
 from ema.modal.mac import mac
 from ema.types.frf import shared_dofs
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
+from lamella_shared import Booleans, Complexes, Integers, Reals, arrays
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.quality.verdict import Verdict
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Booleans, Complexes, Reals
+from lamella_shared import Booleans, Complexes, Reals
 
 
 def mac(a: ArrayLike, b: ArrayLike) -> Reals:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from lamella_arrays import Booleans, Integers, Reals
+from lamella_shared import Booleans, Integers, Reals
 
 _LOG = logging.getLogger(__name__)
 

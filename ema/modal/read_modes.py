@@ -18,7 +18,7 @@ from ema.quality.verdict import Verdict
 from ema.types.errors import CampaignError, MeasurementError
 from ema.types.frf import Dof, Dofs, Geometry, driving_points
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Booleans, Complexes, Reals
+from lamella_shared import Booleans, Complexes, Reals
 
 USUAL = ModesStd(frequency=1e-3, damping=0.1, shape=0.01)
 """Relative standard deviations where neither files nor campaign state any, as of tables of specimens. By Au's

@@ -20,7 +20,7 @@ import scipy
 from ema.modal.mass_cancellation import BareModes, RovedModes, without_sensors
 from ema.types.frf import Dofs, driving_points
 from ema.types.modal_model import ModalModel, frequency_text, synthesize
-from lamella_arrays import Booleans, Complexes, Integers, Reals
+from lamella_shared import Booleans, Complexes, Integers, Reals
 
 
 def run_scatter(value: Reals, std: Reals) -> Reals:

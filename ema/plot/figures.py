@@ -18,8 +18,7 @@ from ema.plot import palette
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF, Geometry
 from ema.types.modal_model import ModalModel, frequency_text, synthesize_runs
-from lamella_arrays import Booleans, Complexes, Integers, Reals
-from lamella_shared import figure_of, html_of, html_table
+from lamella_shared import Booleans, Complexes, Integers, Reals, figure_of, html_of, html_table
 
 if TYPE_CHECKING:
     import pyvista

@@ -28,7 +28,7 @@ from ema.quality.verdict import Verdict, listing
 from ema.types.arrays import in_blocks, inner_products
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, Dofs, dof_keys
-from lamella_arrays import Complexes, Integers, Reals
+from lamella_shared import Complexes, Integers, Reals
 
 _MIN_OTHERS = 6
 """Fewer channels do not hold the resonances that another one should be made of."""

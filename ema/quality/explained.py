@@ -11,7 +11,7 @@ from ema.quality.peaks import whitest
 from ema.quality.verdict import Verdict, listing
 from ema.types.frf import FRF, Dofs, Quantity
 from ema.types.modal_model import ModalModel, synthesize_runs
-from lamella_arrays import Reals, readonly
+from lamella_shared import Reals, readonly
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

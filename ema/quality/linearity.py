@@ -13,7 +13,7 @@ from ema.quality.peaks import Peak, peaks, summed_power
 from ema.quality.verdict import Verdict, listing
 from ema.types.errors import MeasurementError
 from ema.types.frf import DERIVATIVE, FRF, dof_keys, shared_dofs
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 
 NOT_LINEAR = ": not linear"
 """End of the finding on a resonance that moves with the force."""

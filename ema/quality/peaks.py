@@ -15,7 +15,7 @@ import numpy as np
 
 from ema.types.arrays import in_blocks
 from ema.types.frf import DERIVATIVE, FRF, Quantity
-from lamella_arrays import Complexes, Integers, Reals
+from lamella_shared import Complexes, Integers, Reals
 
 
 def find_peaks(level: Reals, prominence: float) -> tuple[Integers, Reals]:

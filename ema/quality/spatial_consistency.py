@@ -23,7 +23,7 @@ from ema.quality.peaks import peaks, residues
 from ema.quality.verdict import Verdict
 from ema.types.arrays import inner_products
 from ema.types.frf import FRF, Geometry
-from lamella_arrays import Complexes, Integers, Reals
+from lamella_shared import Complexes, Integers, Reals
 
 
 def negative_share(mobility: Complexes) -> float:

@@ -18,7 +18,7 @@ from ema.quality.peaks import MIN_LINES, peaks
 from ema.quality.verdict import Verdict
 from ema.types.arrays import in_blocks
 from ema.types.frf import FRF
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 
 LINES_OF_A_FUNCTION = 64
 """Fewer lines do not tell noise from a function."""

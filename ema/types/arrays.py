@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg  # noqa: F401  # with its own BLAS, whose threads can be limited once it is there
 from threadpoolctl import threadpool_limits
 
-from lamella_arrays import Complexes, Integers
+from lamella_shared import Complexes, Integers
 
 BLOCK = 8
 """Outputs whose functions are worked on at a time."""

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays, frozen, readonly
+from lamella_shared import Booleans, Complexes, Integers, Reals, arrays, frozen, readonly
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 """Response over force: displacement (m/N), velocity (m/(N s)) or acceleration (m/(N s2))."""

@@ -9,8 +9,7 @@ import numpy as np
 
 from ema.types.errors import IdentificationError
 from ema.types.frf import DERIVATIVE, Dofs, Geometry, Quantity
-from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays, readonly
-from lamella_shared import Shown
+from lamella_shared import Booleans, Complexes, Integers, Reals, Shown, arrays, readonly
 
 RESOLVED = 0.01
 """Half bandwidths by which a pole of one run may be off for other reasons than noise: the flanks of modes beyond the

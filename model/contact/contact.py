@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 import scipy.sparse as sp
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.contact.pressing import pressure_distribution, separate
 from model.elements.equations import Kron, Monomial, Target, Term
 from model.elements.mesh import Derivative, Field, Plan

@@ -16,7 +16,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
 
-from lamella_arrays import Booleans, Reals, arrays, readonly
+from lamella_shared import Booleans, Reals, arrays, readonly
 from model.elements.mesh import Plan, plan_of
 from model.elements.terms import footprint_points, plate_form
 from model.stack.errors import SolveError, StackError

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.effects.parts import pressure_change
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.effects.parts import Bell, clamp_bells, clamps_of, pressure_change, rigid_clamp
 from model.elements.equations import Assembly, Riding, Term, Theta
 from model.stack.effect import Effect, Parameter

@@ -15,7 +15,7 @@ from functools import partial
 
 import numpy as np
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.effects.parts import Size, pressure_change
 from model.elements.equations import Assembly, Term
 from model.stack.effect import Effect, Parameter

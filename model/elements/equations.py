@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.elements.mesh import FIELDS, Field, Plan
 from model.stack.errors import SolveError
 from model.stack.stack import Stack

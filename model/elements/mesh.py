@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from skfem.element.discrete_field import DiscreteField
 from skfem.element.element_global import ElementGlobal
 
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 from model.stack.outline import Triangulation
 from model.stack.stack import Stack
 

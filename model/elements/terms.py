@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 import skfem
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.elements.equations import Assembly, Kron, Monomial, Term
 from model.elements.mesh import FIELDS, Field, Plan
 from model.stack.parts import Clamp, Edge, EdgeSupport, PatchSupport

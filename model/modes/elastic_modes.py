@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from lamella_arrays import Booleans, Reals
+from lamella_shared import Booleans, Reals
 from model.elements.equations import OMEGA, ParameterFactor, Target
 from model.reduction.reduced_equations import InRange, Matrix, ReducedEquations, full
 from model.solvers.eigen import inverse_iterated, orthogonal_answers

@@ -20,7 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_arrays import Integers, Reals, arrays, readonly
+from lamella_shared import Integers, Reals, arrays, readonly
 from model.elements.equations import OMEGA
 from model.elements.mesh import FIELDS
 from model.modes.elastic_modes import Derivatives, ElasticModes, elastic_modes

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as splinalg
 from numpy.typing import NDArray
 
-from lamella_arrays import Reals, arrays
+from lamella_shared import Reals, arrays
 from model.elements.equations import Assembly, Kron
 from model.elements.mesh import FIELDS, Field
 from model.modes.modes import Modes, Observation, full_parameters, outside_ranges, reduced_eigenpairs, solve_modes

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_arrays import Complexes, Reals, arrays
+from lamella_shared import Complexes, Reals, arrays
 from model.contact.contact import SlipLaw, contact_fields, jump, mean
 from model.elements.equations import OMEGA, Riding, Target, Term
 from model.elements.mesh import Derivative, Field

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lamella_arrays import Reals
-from lamella_shared import figure_of, html_of, html_table
+from lamella_shared import Reals, figure_of, html_of, html_table
 from model.contact.pressing import PressureField
 from model.modes.modes import Modes, Surface, mode_surface
 from model.reduction.reduction import ReducedSystem

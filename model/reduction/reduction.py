@@ -20,7 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_arrays import readonly
+from lamella_shared import readonly
 from model.contact.contact import contact_terms
 from model.contact.pressing import pressure_distribution
 from model.elements.equations import OMEGA, Assembly, Riding, Term

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 from model.stack.errors import SolveError
 
 Product = Callable[[Reals], Reals]

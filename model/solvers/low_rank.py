@@ -20,7 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.elements.equations import Assembly, Kron, Matrix, Term, ratio
 from model.elements.mesh import FIELDS, Field
 from model.stack.errors import SolveError

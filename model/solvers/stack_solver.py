@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model.elements.equations import Assembly, Kron, ParameterFactor, Target, Term
 from model.elements.mesh import FIELDS, Field
 from model.solvers.eigen import Block, lowest_modes, orthonormalize

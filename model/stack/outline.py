@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from lamella_arrays import Booleans, Integers, Reals, readonly
+from lamella_shared import Booleans, Integers, Reals, readonly
 from model.stack.errors import StackError
 
 _PICKLES = (".pkl", ".pickle")

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, get_args
 
 import numpy as np
 
-from lamella_arrays import Reals, arrays
-from lamella_shared import plain_text
+from lamella_shared import Reals, arrays, plain_text
 from model.stack.errors import StackError
 
 if TYPE_CHECKING:

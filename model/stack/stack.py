@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lamella_arrays import Reals
-from lamella_shared import Shown
+from lamella_shared import Reals, Shown
 from model.stack.effect import Effect, shared_parameters
 from model.stack.errors import EffectError, StackError
 from model.stack.outline import Outline, Triangulation

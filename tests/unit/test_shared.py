@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lamella_arrays import arrays
+from lamella_shared import arrays
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

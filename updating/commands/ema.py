@@ -37,7 +37,7 @@ from ema.plot.figures import (
 )
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from updating.commands.terminal import OUT, Run, print_lines, print_results
 from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import frac
-from lamella_arrays import Complexes, Integers, Reals, arrays
+from lamella_shared import Complexes, Integers, Reals, arrays
 from updating.correlation.pairing import ModeSet, Pairing, rotate_onto
 from updating.errors import PairingError, UpdatingError
 

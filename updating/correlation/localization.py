@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ema.modal.mac import real_shape
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Integers, Reals, readonly
+from lamella_shared import Integers, Reals, readonly
 from model import Observation, ReducedSystem, Stack
 from model.contact.pressing import pressure_distribution
 from model.elements.mesh import FIELDS, Derivative, Field

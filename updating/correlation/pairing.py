@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ema.modal.configurations import CLOSE, clusters
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Complexes, Integers, Reals, arrays
+from lamella_shared import Complexes, Integers, Reals, arrays
 from model import Modes, Observation, Observed, ReducedSystem, Stack, solve_modes
 from updating.correlation.registration import pseudo_orthogonality, visible
 from updating.errors import PairingError

@@ -13,7 +13,7 @@ from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, synthesize_runs
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 from model import Stack
 from updating.correlation.localization import ErrorMap, stiffness_index
 

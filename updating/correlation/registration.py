@@ -9,7 +9,7 @@ import scipy.linalg as la
 from numpy.typing import ArrayLike
 
 from ema.types.frf import Geometry
-from lamella_arrays import Booleans, Complexes, Integers, Reals, arrays
+from lamella_shared import Booleans, Complexes, Integers, Reals, arrays
 from model import Modes, Observation, Stack, sample_points
 from updating.errors import PairingError
 

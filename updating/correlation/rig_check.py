@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ema.modal.configurations import factor_text
 from ema.modal.mac import mac
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 from model import Modes, Observation, ReducedSystem, Stack, observe, sample_points, solve_modes
 from updating.correlation.pairing import N_MODE
 from updating.correlation.registration import register

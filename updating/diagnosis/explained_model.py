@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ema.plot import palette
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import ModalModel
-from lamella_arrays import arrays
+from lamella_shared import arrays
 from model import Effect, Stack, observe, solve_modes
 from updating.correlation.pairing import pair
 from updating.correlation.registration import register

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lamella_arrays import arrays
+from lamella_shared import arrays
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.pairing import class_grid, cross_orthogonality, shape_classes, track
 

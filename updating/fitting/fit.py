@@ -15,8 +15,7 @@ from ema import Campaign, Configuration
 from ema.modal.mac import mac
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Complexes, Integers, Reals, arrays
-from lamella_shared import Shown
+from lamella_shared import Complexes, Integers, Reals, Shown, arrays
 from model import Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
 from updating.correlation.pairing import LEAST_MAC, N_MODE, Pairing, pair, require_points
 from updating.correlation.registration import register, visible

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ema.plot import palette
 from ema.types.frf import Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Complexes, Integers, Reals, arrays
+from lamella_shared import Complexes, Integers, Reals, arrays
 from model import frf, solve_modes
 from updating.correlation.pairing import rotate_onto
 from updating.correlation.registration import register

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ema.types.arrays import single_threaded
-from lamella_arrays import Booleans
+from lamella_shared import Booleans
 from model import Effect, catalogue
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.candidates import CandidateModel, candidate_model

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg as la
 
 from ema.modal.mac import mac
-from lamella_arrays import Booleans, Reals
+from lamella_shared import Booleans, Reals
 from updating.diagnosis.answer import Moved, Pulled, Sizes
 from updating.diagnosis.evidence import D_F_START
 from updating.diagnosis.explained_model import ConfigurationFit, FittedParameter, JointFit

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 import scipy.linalg as la
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from updating.diagnosis.fit_settings import CONTACT
 from updating.inference.discrepancy import Sizes
 from updating.inference.explain import Explanation, Setting, coordinates_of, errors_at

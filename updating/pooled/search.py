@@ -10,7 +10,7 @@ from typing import cast
 
 import numpy as np
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from updating.errors import FitError
 from updating.inference.descent import begun
 from updating.inference.discrepancy import DAMPING, SPREAD, STIFFNESS, SizePrior

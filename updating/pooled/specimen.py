@@ -17,7 +17,7 @@ from ema.io.found_modes import FoundModes, poles_in_table, read_modes_table
 from ema.modal.read_modes import modal_model_of
 from ema.types.frf import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Complexes, Integers, Reals
+from lamella_shared import Complexes, Integers, Reals
 from model import Effect, ReducedSystem, Stack, observe, reduce
 from updating.correlation.pairing import CLASS_ROWS, CLASS_STATIONS, class_grid, require_points, solve_by_class
 from updating.correlation.registration import register

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model import Observation, observe
 from updating.diagnosis.evidence import LABELS, PRESSURE, STATED_PRESSURE, WINDOW
 from updating.diagnosis.fit_settings import CONTACT, FitSettings

@@ -12,7 +12,7 @@ import numpy as np
 
 from ema.plot import palette
 from ema.types.modal_model import frequency_text
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from model import printed_effects
 from updating.diagnosis.answer import Diagnosis, ModeError, Telling, telling
 from updating.report.part import Chart, Picture, Section, axis, charted, single

@@ -15,8 +15,7 @@ from ema.plot import palette
 from ema.plot.figures import UNIT, pole_groups, stabilization_figure
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Complexes, Reals
-from lamella_shared import csv_text
+from lamella_shared import Complexes, Reals, csv_text
 from updating.correlation.plots import chosen_functions, overlay_figure, synthesized, within_band
 from updating.fitting.fit import Fit
 from updating.report.part import Chart, Picture, Section, axis, legend_above, png, single

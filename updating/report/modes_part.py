@@ -14,8 +14,7 @@ from ema.modal.mac import LEAST_MPC, complexity, mac
 from ema.plot import palette
 from ema.quality.verdict import NOTES, label, meaning
 from ema.types.modal_model import frequency_text
-from lamella_arrays import Reals
-from lamella_shared import csv_text
+from lamella_shared import Reals, csv_text
 from updating.correlation.correlation import PointCorrelation, correlate, correlate_points
 from updating.fitting.fit import Fit, ModelFit
 from updating.fitting.plots import AZIMUTH, ELEVATION, SWELL, ShapePair, faces, shape_pair_figure, shape_pairs

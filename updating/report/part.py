@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.plot import palette
-from lamella_arrays import Reals
-from lamella_shared import csv_text
+from lamella_shared import Reals, csv_text
 from updating.results.text import Shown, Table
 
 if TYPE_CHECKING:

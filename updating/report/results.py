@@ -16,7 +16,7 @@ from ema.modal.change import Change
 from ema.modal.mac import frac
 from ema.types.frf import FRF, Dofs
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Complexes, Reals
+from lamella_shared import Complexes, Reals
 from model import catalogue, find_effects
 from updating.correlation.plots import within_band
 from updating.correlation.rig_check import RigCheck

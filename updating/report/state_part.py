@@ -12,8 +12,7 @@ from ema.modal.change import KINDS, STATED_FREEDOM
 from ema.plot import palette
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
-from lamella_arrays import Complexes, Integers, Reals
-from lamella_shared import csv_text
+from lamella_shared import Complexes, Integers, Reals, csv_text
 from model import catalogue
 from model.stack.effect import Family
 from updating.correlation.localization import ENERGY_KINDS, ErrorMap, map_error, regions, stiffness_index

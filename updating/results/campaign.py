@@ -19,7 +19,7 @@ from ema.identification.amplitude import (
 from ema.quality.linearity import NOT_LINEAR
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel
-from lamella_arrays import Reals
+from lamella_shared import Reals
 from updating.results.identified import BY_HAND, MEASUREMENT, Assignment, Identified, made_from
 from updating.results.store import read_current, read_frf, read_result, write_bytes, write_result
 

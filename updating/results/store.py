@@ -21,7 +21,7 @@ from pydantic import BaseModel
 
 from ema.io.files import whole
 from ema.types.frf import FRF, Dof, Dofs
-from lamella_arrays import frozen
+from lamella_shared import frozen
 from model import Effect, catalogue, find_effects
 from updating.errors import StoreError
 
@@ -269,7 +269,7 @@ def _code_digest() -> str:
     digest = hashlib.sha256()
     root = Path(__file__).parents[2]
     files = sorted(f for package in ("ema", "model", "updating") for f in (root / package).rglob("*.py"))
-    for file in (root / "lamella_arrays.py", root / "lamella_shared.py", *files):
+    for file in (root / "lamella_shared.py", *files):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:12]
 

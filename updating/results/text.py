@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lamella_arrays import Reals
+from lamella_shared import Reals
 
 if TYPE_CHECKING:  # the identification begins without the model
     from rich.table import Table as Printed

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from lamella_arrays import Reals, arrays
+from lamella_shared import Reals, arrays
 
 Verdict = Literal["unchanged", "too little to say", "identified", "one of", "partly explained", "unlike anything"]
 

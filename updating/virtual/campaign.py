@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 import model
 from ema import write_uff
 from ema.types.frf import FRF, Dofs, Geometry
-from lamella_arrays import Booleans, Complexes, Integers, Reals
-from lamella_shared import read_toml
+from lamella_shared import Booleans, Complexes, Integers, Reals, read_toml
 from model import Formula, Observation, Observed, ReducedSystem, SolveError
 from model.elements.equations import OMEGA, Product, Target
 from model.reduction.reduced_equations import full

@@ -13,8 +13,7 @@ from pydantic import Field, model_validator
 import model
 from ema.io.files import Section
 from ema.types.frf import Geometry
-from lamella_arrays import Reals
-from lamella_shared import read_form
+from lamella_shared import Reals, read_form
 from model import Contact, Effect, Instruments, Mesh, Observation, Stack
 from updating.errors import FitError
 

@@ -22,8 +22,7 @@ from ema.plot.figures import UNIT
 from ema.types.errors import EmaError
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
-from lamella_arrays import Booleans, Complexes
-from lamella_shared import plain_bytes
+from lamella_shared import Booleans, Complexes, plain_bytes
 from updating.errors import StoreError, UpdatingError
 from updating.fitting.plots import lone_shape
 from updating.report.frf_part import stabilization_chart

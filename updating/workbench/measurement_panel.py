@@ -14,7 +14,7 @@ from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
-from lamella_arrays import Integers, Reals
+from lamella_shared import Integers, Reals
 from updating.correlation.plots import synthesized
 from updating.report.modes_part import COMPLEXITY, complexity_table, identified_table
 from updating.report.part import Chart, axis, single

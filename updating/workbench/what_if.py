@@ -15,7 +15,7 @@ from ema.plot import palette
 from ema.plot.figures import UNIT
 from ema.types.frf import DERIVATIVE, FRF
 from ema.types.modal_model import ModalModel, frequency_text
-from lamella_arrays import Booleans, Complexes, Integers, Reals
+from lamella_shared import Booleans, Complexes, Integers, Reals
 from model import (
     Effect,
     EffectError,

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from lamella_arrays import arrays
+from lamella_shared import arrays
 from model import Stack, find_effects, read_stack
 from model.stack.parts import Mesh
 from tests.studies.published.modal_table import ModalTable, fit_row_by, read_modal_table

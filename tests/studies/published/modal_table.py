@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ema.io.files import Section
-from lamella_arrays import arrays
-from lamella_shared import read_form
+from lamella_shared import arrays, read_form
 from model import Stack, observe, read_stack, reduce
 from updating.correlation.pairing import class_grid, solve_by_class
 from updating.errors import FitError

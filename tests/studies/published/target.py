@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.types.arrays import single_threaded
-from lamella_arrays import arrays
+from lamella_shared import arrays
 from model import Modes, ReducedSystem, Stack, reduce, solve_modes
 from model.modes.modes import Observed, observe
 from updating.correlation.pairing import N_MODE, class_grid, shape_classes
