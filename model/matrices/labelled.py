@@ -5,8 +5,8 @@ Checks say whether they can be those of a vibrating structure: signs, mass, moti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,8 +26,8 @@ _N_DOF = 8  # more than a node has, so that a label is one number
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Entries:
-    """What a file holds: entries of a matrix and the labels of its rows.
+class Labelled:
+    """A symmetric matrix as a file holds it, in its units.
 
     Attributes
     ----------
@@ -35,18 +35,29 @@ class Entries:
         The file, for messages.
     node, dof : (n,) int
         Label of each row: node number and degree of freedom, 1 to 6.
-    row, column : (m,) int
-        Place of each entry, from 0.
-    value : (m,) float
-        Entries, in the units of the file.
+    matrix : (n, n) sparse
+        With both triangles.
     """
 
     source: str
     node: Index
     dof: Index
-    row: Index
-    column: Index
-    value: NDArray[np.float64]
+    matrix: sp.csr_matrix
+
+    @property
+    def key(self) -> Index:
+        """Labels as one number each, (n,)."""
+        return key(self.node, self.dof)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which rows, (n,), a program holds by an enormous stiffness on the diagonal."""
+        return np.asarray(self.matrix.diagonal() >= _HELD)
+
+    def rows(self, kept: NDArray[np.bool_]) -> Labelled:
+        """Return the matrix of some rows, (n,), and their columns."""
+        part = sp.csr_matrix(self.matrix[kept][:, kept])
+        return replace(self, node=self.node[kept], dof=self.dof[kept], matrix=part)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +103,10 @@ WHOLE: dict[Literal["K", "M", "C"], str] = {"K": "stiffness", "M": "mass", "C": 
 """What each matrix is called."""
 
 
-def name_of(node: int, dof: int) -> str:
-    """Return a label in words."""
-    return f"node {node}, {DIRECTIONS[dof - 1] if 1 <= dof <= len(DIRECTIONS) else f'degree of freedom {dof}'}"
+def name_of(node: Index, dof: Index, row: int | np.integer[Any]) -> str:
+    """Return the label of a row in words."""
+    one = int(dof[row])
+    return f"node {node[row]}, {DIRECTIONS[one - 1] if 1 <= one <= len(DIRECTIONS) else f'degree of freedom {one}'}"
 
 
 def key(node: Index, dof: Index) -> Index:
@@ -102,120 +114,82 @@ def key(node: Index, dof: Index) -> Index:
     return np.asarray(node, dtype=np.int64) * _N_DOF + np.asarray(dof, dtype=np.int64)
 
 
-def label_of(number: int) -> tuple[int, int]:
-    """Return the node and the degree of freedom of a label that is one number."""
-    return divmod(number, _N_DOF)
-
-
-def check_labels(entries: Entries) -> None:
-    """Refuse labels that are no displacement of a node, or are there twice.
-
-    Raises
-    ------
-    MatricesError
-        The message names the first of them.
-    """
-    strange = (entries.node < 1) | (entries.dof < 1) | (entries.dof > len(DIRECTIONS))
-    if strange.any():
-        i = int(np.argmax(strange))
-        refuse(
-            f"{entries.source}: row {i + 1} is {name_of(int(entries.node[i]), int(entries.dof[i]))}, which is no "
-            "displacement of a node (1 to 6, or x, y, z, rx, ry, rz) but an internal variable: a Lagrange "
-            "multiplier, a scalar point, a pressure or a temperature. Write the matrices without them (ties by penalty "
-            "or elimination, no acoustic elements); or does the table count from 0?"
-        )
-    labels, count = np.unique(key(entries.node, entries.dof), return_counts=True)
-    if labels.size < entries.node.size:
-        again = int(labels[np.argmax(count > 1)])
-        refuse(
-            f"{entries.source}: {name_of(*label_of(again))} is there {count.max()} times. A sector with "
-            "cyclic symmetry has real and imaginary rows; write the matrices of the whole structure"
-        )
-
-
-def symmetric(entries: Entries) -> sp.csr_matrix:
-    """Return a matrix with both triangles, in the units and the order of the file.
+def labelled(source: str, label: Index, row: Index, column: Index, value: NDArray[np.float64]) -> Labelled:
+    """Return the matrix of some entries, (m,), and labels, (n, 2): nodes and degrees of freedom.
 
     One triangle, either of the two or a mixture, is completed; a full matrix must be symmetric.
 
     Raises
     ------
     MatricesError
-        An entry is no number, is there twice, or differs from its mirror image.
+        A label is no displacement of a node, or an entry is no number; one of either is there twice, or an entry
+        differs from its mirror image. The message names the first of them.
     """
-    if not np.isfinite(entries.value).all():
-        i = int(np.argmin(np.isfinite(entries.value)))
-        refuse(f"{entries.source}: entry ({_place(entries, i)}) is {entries.value[i]}; a finite number is needed")
-    n = entries.node.size
-    matrix = sp.csr_matrix((entries.value, (entries.row, entries.column)), shape=(n, n))
-    if matrix.nnz < entries.value.size:
-        places, first = np.unique(entries.row * n + entries.column, return_index=True)
-        i = int(np.setdiff1d(np.arange(entries.value.size), first)[0])
+    node, dof = label.T
+    strange = (node < 1) | (dof < 1) | (dof > len(DIRECTIONS))
+    if strange.any():
+        i = int(np.argmax(strange))
         refuse(
-            f"{entries.source}: entry ({_place(entries, i)}) is there twice; {entries.value.size - places.size} "
-            "entries are. Two files or two steps seem to be written one after the other: keep one of them"
+            f"{source}: row {i + 1} is {name_of(node, dof, i)}, which is no displacement of a node (1 to 6, or x, y, "
+            "z, rx, ry, rz) but an internal variable: a Lagrange multiplier, a scalar point, a pressure, a temperature. "
+            "Write the matrices without them (ties by penalty or elimination, no acoustic elements); or does the table "
+            "count from 0?"
+        )
+    _, first, count = np.unique(key(node, dof), return_index=True, return_counts=True)
+    if (count > 1).any():
+        refuse(
+            f"{source}: {name_of(node, dof, first[np.argmax(count > 1)])} is there {count.max()} times. A sector with "
+            "cyclic symmetry has real and imaginary rows; write the matrices of the whole structure"
+        )
+
+    def place(i: int) -> str:
+        return f"{source}: entry ({name_of(node, dof, row[i])}; {name_of(node, dof, column[i])}) is"
+
+    if not np.isfinite(value).all():
+        i = int(np.argmin(np.isfinite(value)))
+        refuse(f"{place(i)} {value[i]}; a finite number is needed")
+    n = node.size
+    matrix = sp.csr_matrix((value, (row, column)), shape=(n, n))
+    if matrix.nnz < value.size:
+        _, first = np.unique(row * n + column, return_index=True)
+        i = int(np.setdiff1d(np.arange(value.size), first)[0])
+        refuse(
+            f"{place(i)} there twice; {value.size - first.size} entries are. Two files or two steps seem to be written "
+            "one after the other: keep one of them"
         )
     pattern = sp.csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), shape=(n, n))
     lower, upper = sp.tril(pattern, -1), sp.triu(pattern, 1)
     if (lower + upper).nnz == 0 or lower.multiply(upper.T).nnz == 0:
-        return sp.csr_matrix(matrix + matrix.T - sp.diags_array(matrix.diagonal()))
-    return _checked_symmetric(matrix, entries)
+        both = matrix + matrix.T - sp.diags_array(matrix.diagonal())
+    else:
+        _check_symmetric(source, matrix, node, dof)
+        both = (matrix + matrix.T) / 2.0
+    return Labelled(source=source, node=node, dof=dof, matrix=sp.csr_matrix(both))
 
 
-def _checked_symmetric(matrix: sp.csr_matrix, entries: Entries) -> sp.csr_matrix:
+def _check_symmetric(source: str, matrix: sp.csr_matrix, node: Index, dof: Index) -> None:
     # of the two diagonal entries: text of seven digits is no better, gyroscopic terms are far larger
     asymmetric = 1e-6
     size = np.sqrt(np.abs(matrix.diagonal()))
     difference = sp.coo_matrix(abs(matrix - matrix.T))
-    scale = size[difference.row] * size[difference.col]
-    beyond = difference.data > asymmetric * np.where(scale > 0.0, scale, np.inf)
-    beyond |= (scale == 0.0) & (difference.data > 0.0)
+    allowed = asymmetric * size[difference.row] * size[difference.col]
+    beyond = difference.data > allowed
     if beyond.any():
         worst = int(np.argmax(np.where(beyond, difference.data, 0.0)))
         i, j = int(difference.row[worst]), int(difference.col[worst])
         refuse(
-            f"{entries.source}: not symmetric: {matrix[i, j]:.9g} couples {_row(entries, i)} to {_row(entries, j)}, "
+            f"{source}: not symmetric: {matrix[i, j]:.9g} couples {name_of(node, dof, i)} to {name_of(node, dof, j)}, "
             f"{matrix[j, i]:.9g} the other way. Friction, follower loads, rotors, fluids and u-p elements give such "
             "matrices; write those of the structure alone"
         )
-    return sp.csr_matrix((matrix + matrix.T) / 2.0)
 
 
-def _row(entries: Entries, i: int) -> str:
-    return name_of(int(entries.node[i]), int(entries.dof[i]))
-
-
-def _place(entries: Entries, i: int) -> str:
-    return f"{_row(entries, int(entries.row[i]))}; {_row(entries, int(entries.column[i]))}"
-
-
-def held(entries: Entries) -> NDArray[np.bool_]:
-    """Return which rows, (n,), a program holds by an enormous stiffness on the diagonal."""
-    found = np.zeros(entries.node.size, dtype=bool)
-    found[entries.row[(entries.row == entries.column) & (entries.value >= _HELD)]] = True
-    return found
-
-
-def without(entries: Entries, dropped: NDArray[np.bool_]) -> Entries:
-    """Return the entries without some rows, (n,), and their columns."""
-    number = np.cumsum(~dropped) - 1
-    kept = ~(dropped[entries.row] | dropped[entries.column])
-    return Entries(
-        source=entries.source,
-        node=entries.node[~dropped],
-        dof=entries.dof[~dropped],
-        row=number[entries.row[kept]],
-        column=number[entries.column[kept]],
-        value=entries.value[kept],
-    )
-
-
-def placed(entries: Entries, node: Index, dof: Index, of: str) -> sp.csr_matrix:
+def placed(given: Labelled, node: Index, dof: Index, of: str) -> sp.csr_matrix:
     """Return a matrix in the rows of another one.
 
     Parameters
     ----------
-    entries : Entries
+    given : Labelled
         The matrix; it may lack rows, where it is zero.
     node, dof : (n,) int
         Labels of the rows of the other one.
@@ -225,25 +199,22 @@ def placed(entries: Entries, node: Index, dof: Index, of: str) -> sp.csr_matrix:
     Raises
     ------
     MatricesError
-        As in `symmetric`, and where a row has a label that the other one lacks.
+        A row has a label that the other one lacks.
     """
-    matrix = symmetric(entries)
-    wanted, given = key(node, dof), key(entries.node, entries.dof)
+    wanted, own = key(node, dof), given.key
     order = np.argsort(wanted)
-    at = order[np.minimum(np.searchsorted(wanted, given, sorter=order), wanted.size - 1)]
-    strange = wanted[at] != given
+    at = order[np.minimum(np.searchsorted(wanted, own, sorter=order), wanted.size - 1)]
+    there = wanted[at] == own
+    strange = ~there & (np.diff(given.matrix.indptr) > 0)
     if strange.any():
-        used = np.diff(matrix.indptr)[strange] > 0
-        if used.any():
-            i = int(np.flatnonzero(strange)[np.argmax(used)])
-            refuse(
-                f"{entries.source}: {_row(entries, i)} is not among the rows of {of}; {int(used.sum())} rows are not. "
-                "Write all matrices from one model, with the same supports; or is one of the files cut off?"
-            )
-    kept = np.flatnonzero(~strange)
-    n = wanted.size
-    turn = sp.csr_matrix((np.ones(kept.size), (at[kept], kept)), shape=(n, given.size))
-    return sp.csr_matrix(turn @ matrix @ turn.T)
+        refuse(
+            f"{given.source}: {name_of(given.node, given.dof, np.argmax(strange))} is not among the rows of {of}; "
+            f"{int(strange.sum())} rows are not. Write all matrices from one model, with the same supports; or is one "
+            "of the files cut off?"
+        )
+    kept = np.flatnonzero(there)
+    turn = sp.csr_matrix((np.ones(kept.size), (at[kept], kept)), shape=(wanted.size, own.size))
+    return sp.csr_matrix(turn @ given.matrix @ turn.T)
 
 
 def check_rows(
@@ -270,7 +241,7 @@ def check_rows(
         if (diagonal < -nothing * largest).any():
             i = int(np.argmin(diagonal))
             refuse(
-                f"{name_of(int(node[i]), int(dof[i]))} has a {what} of {diagonal[i]:.4g}, below zero; no part of a "
+                f"{name_of(node, dof, i)} has a {what} of {diagonal[i]:.4g}, below zero; no part of a "
                 "structure at rest has that. Is a factor too small, or a matrix not what its file says?"
             )
         zero[what] = np.abs(diagonal) <= nothing * largest
@@ -279,7 +250,7 @@ def check_rows(
         if lagrange.any():
             i = int(np.argmax(lagrange))
             refuse(
-                f"{name_of(int(node[i]), int(dof[i]))} couples to others in the {what} matrix with nothing on its "
+                f"{name_of(node, dof, i)} couples to others in the {what} matrix with nothing on its "
                 f"diagonal: a Lagrange multiplier ({int(lagrange.sum())} rows are), or the file is cut off. Write "
                 "ties and contacts by elimination or penalty"
             )

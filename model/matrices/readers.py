@@ -14,17 +14,17 @@ import scipy
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.matrices.labelled import DIRECTIONS, Entries, Index, check_labels
+from model.matrices.labelled import DIRECTIONS, Index, Labelled, labelled
 from model.matrices.text import columns_of_csv, kind_of, numbers, read_text, refuse
 
 Target = Literal["M", "C", "K"]
-Labels = tuple[Index, Index]  # nodes and degrees of freedom
 
-_ANSYS = dict(zip(("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ"), range(1, 7), strict=True))
+_ANSYS = ("ux", "uy", "uz", "rotx", "roty", "rotz")
+_DOFS = {word: i for i, words in enumerate(zip(DIRECTIONS, _ANSYS, strict=True), 1) for word in words}
 _NASTRAN = {"K": ("KAAX", "KGGX", "KAA", "KGG"), "M": ("MAAX", "MGGX", "MAA", "MGG"), "C": ("BAAX", "BAA", "BGG")}
 
 
-def read_entries(given: str, folder: Path, target: Target, labels: Path | None) -> Entries:
+def read_matrix(given: str, folder: Path, target: Target, labels: Path | None) -> Labelled:
     """Read one matrix.
 
     Parameters
@@ -41,14 +41,8 @@ def read_entries(given: str, folder: Path, target: Target, labels: Path | None) 
     Raises
     ------
     MatricesError
-        The file cannot be read, or a row is no displacement; the message says what would be right.
+        The file cannot be read, or as in `labelled`; the message says what would be right.
     """
-    found = _read(given, folder, target, labels)
-    check_labels(found)
-    return found
-
-
-def _read(given: str, folder: Path, target: Target, labels: Path | None) -> Entries:
     file, _, name = given.partition("#")
     path, kind = folder / file, kind_of(Path(file))
     if kind in _TEXT:
@@ -56,7 +50,7 @@ def _read(given: str, folder: Path, target: Target, labels: Path | None) -> Entr
     if kind == ".full":
         return _full(path, target)
     if kind in (".npz", ".mat"):
-        return _labelled(path, _array(path, name), labels)
+        return _square(path, _array(path, name), labels)
     if kind in (".sti", ".mas", ".dam"):
         form = "row column value, as CalculiX writes with *FREQUENCY, SOLVER=MATRIXSTORAGE"
         table = numbers(path, read_text(path, ended=True), 3, form)
@@ -73,85 +67,64 @@ def _read(given: str, folder: Path, target: Target, labels: Path | None) -> Entr
         matrix = sp.coo_matrix(scipy.io.mmread(io.StringIO(text)))
     except (ValueError, TypeError, OverflowError) as error:
         refuse(f"{path}: not a Matrix Market file: {error}")
-    return _labelled(path, matrix, labels)
+    return _square(path, matrix, labels)
 
 
-def read_labels(path: Path) -> Labels:
-    """Read the labels of rows, once for all matrices of a structure that share them; see `_read_labels`."""
-    try:
-        found = path.stat()
-    except OSError:
-        return _read_labels(path)  # which says that it cannot be read
-    return _labels_of(path, found.st_mtime_ns, found.st_size)
+def read_labels(path: Path) -> Index:
+    """Read the labels of rows, (n, 2): `.dof` of CalculiX, `.mapping` of Ansys, or CSV with columns node and dof.
 
-
-@lru_cache(maxsize=2)
-def _labels_of(path: Path, changed: int, size: int) -> Labels:  # noqa: ARG001
-    return _read_labels(path)
-
-
-def _read_labels(path: Path) -> Labels:
-    """Read the labels of rows: `.dof` of CalculiX, `.mapping` of Ansys, or CSV with columns node and dof.
+    Matrices of a structure share them, so they are read once.
 
     Raises
     ------
     MatricesError
         A line holds something else.
     """
+    return _labels_of(path, path.stat().st_mtime_ns if path.exists() else 0)
+
+
+@lru_cache(maxsize=2)
+def _labels_of(path: Path, changed: int) -> Index:  # noqa: ARG001
     if kind_of(path) == ".csv":
-        words = columns_of_csv(path, ("node", "dof"))
-        form = "12,3 or 12,z"
+        words, form = columns_of_csv(path, ("node", "dof")), "12,3 or 12,z"
     elif kind_of(path) == ".mapping":
         lines = [line.split() for line in read_text(path).splitlines() if line[:12].strip().isdigit()]
-        pairs = [(one[1], one[2]) if len(one) == 3 else (" ".join(one), "") for one in lines]
-        words, form = [[one[k] for one in pairs] for k in (0, 1)], "equation node UX, as HBMAT writes"
+        words = [[one[k] if len(one) == 3 else " ".join(one) for one in lines] for k in (1, 2)]
+        form = "equation node UX, as HBMAT writes"
     else:
         parts = [one.partition(".") for one in read_text(path).split()]
         words, form = [[one[k] for one in parts] for k in (0, 2)], "node.direction, such as 12.3"
-    dof_of: dict[str, int] = {}
-
-    def label(i: int, node: str, word: str) -> tuple[int, int]:
+    found = []
+    for i, (node, word) in enumerate(zip(*words, strict=True), 1):
         try:
-            if word not in dof_of:
-                dof_of[word] = _dof(word)
-            return int(node), dof_of[word]
+            found.append((int(node), _DOFS.get(word.strip().lower()) or int(word)))
         except ValueError:
             refuse(f"{path}: label {i} is {(node, word)!r}; it must be: {form}")
-
-    found = np.array([label(i, *pair) for i, pair in enumerate(zip(*words, strict=True), 1)], dtype=np.int64)
-    return found.reshape(-1, 2)[:, 0], found.reshape(-1, 2)[:, 1]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
-def _dof(word: str) -> int:
-    """Return a degree of freedom as a number."""
-    word = word.strip()
-    if word.lower() in DIRECTIONS:
-        return DIRECTIONS.index(word.lower()) + 1
-    return _ANSYS[word.upper()] if word.upper() in _ANSYS else int(word)
-
-
-def _entries(path: Path, table: NDArray[np.float64], labels: Path | None) -> Entries:
-    """Return the entries of a table of row, column (from 1) and value, with labels from their file."""
+def _entries(path: Path, table: NDArray[np.float64], labels: Path | None, n_row: int | None = None) -> Labelled:
+    """Return the matrix of a table of row, column (from 1) and value, of `n_row` rows, with labels from their file."""
     if labels is None:
         refuse(f'{path}: says no nodes; name the table of its rows, such as dofs = "dofs.csv" with node,dof,x,y,z')
-    node, dof = read_labels(labels)
+    label = read_labels(labels)
     row, column = (table[:, i].astype(np.int64) - 1 for i in (0, 1))
     every = np.append(row, column) + 1
     lowest, highest = int(every.min(initial=1)), int(every.max(initial=1))
-    if lowest < 1 or highest > node.size:
-        refuse(f"{path}: has rows {lowest} to {highest}, and {labels} labels 1 to {node.size}; they do not match")
-    return Entries(source=str(path), node=node, dof=dof, row=row, column=column, value=table[:, 2])
+    if lowest < 1 or highest > len(label) or n_row not in (None, len(label)):
+        refuse(
+            f"{path}: has rows {lowest} to {n_row or highest}, and {labels} labels 1 to {len(label)}; they do not match"
+        )
+    return labelled(str(path), label, row, column, table[:, 2])
 
 
-def _labelled(path: Path, matrix: sp.coo_matrix, labels: Path | None) -> Entries:
+def _square(path: Path, matrix: sp.coo_matrix, labels: Path | None) -> Labelled:
     """Return a square matrix with labels from their file."""
     if matrix.shape[0] != matrix.shape[1] or np.iscomplexobj(matrix.data):
         what = "complex" if np.iscomplexobj(matrix.data) else f"{matrix.shape[0]} by {matrix.shape[1]}"
         refuse(f"{path}: the matrix is {what}; a real square one is needed")
-    found = _entries(path, np.column_stack([matrix.row + 1, matrix.col + 1, matrix.data]), labels)
-    if found.node.size != matrix.shape[0]:
-        refuse(f"{path}: has {matrix.shape[0]} rows, and {labels} {found.node.size} labels; they do not match")
-    return found
+    table = np.column_stack([matrix.row + 1, matrix.col + 1, matrix.data])
+    return _entries(path, table, labels, matrix.shape[0])
 
 
 def _array(path: Path, name: str) -> sp.coo_matrix:
@@ -179,22 +152,23 @@ def _array(path: Path, name: str) -> sp.coo_matrix:
     return sp.coo_matrix(kept.astype(complex if np.iscomplexobj(kept) else float))
 
 
-def _from_pairs(path: Path, one: Index, two: Index, value: NDArray[np.float64]) -> Entries:
-    """Return entries whose rows and columns are given by labels, each (m, 2): node and degree of freedom."""
-    labels, number = np.unique(np.concatenate([one, two]), axis=0, return_inverse=True)
-    number = number.reshape(2, -1)
-    return Entries(source=str(path), node=labels[:, 0], dof=labels[:, 1], row=number[0], column=number[1], value=value)
+def _from_pairs(path: Path, table: NDArray[np.float64]) -> Labelled:
+    """Return the matrix of a table of node, degree of freedom, node, degree of freedom, value."""
+    pairs = table[:, :4].astype(np.int64)
+    labels, number = np.unique(np.concatenate([pairs[:, :2], pairs[:, 2:]]), axis=0, return_inverse=True)
+    row, column = number.reshape(2, -1)
+    return labelled(str(path), labels, row, column, table[:, 4])
 
 
-def _abaqus(path: Path, text: str) -> Entries:
+def _abaqus(path: Path, text: str) -> Labelled:
     """Read `*MATRIX OUTPUT, FORMAT=MATRIX INPUT`: node, dof, node, dof, value."""
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("*")]
     form = "node, dof, node, dof, value, as Abaqus writes with *MATRIX OUTPUT, FORMAT=MATRIX INPUT"
     table = numbers(path, "\n".join(lines) or "none", 5, form, delimiter=",")
-    return _from_pairs(path, table[:, 0:2].astype(np.int64), table[:, 2:4].astype(np.int64), table[:, 4])
+    return _from_pairs(path, table)
 
 
-def _nastran(path: Path, name: str, target: Target) -> Entries:
+def _nastran(path: Path, name: str, target: Target) -> Labelled:
     """Read DMIG cards of a punch file, in fields of 8, of 16 (`DMIG*`), or between commas."""
     found: dict[str, tuple[int, list[tuple[int, int, int, int, float]]]] = {}
     current, column, complex_ones = "", (0, 0), set[str]()
@@ -233,8 +207,7 @@ def _nastran(path: Path, name: str, target: Target) -> Entries:
             f"{path}: matrix {wanted[0]} is complex; write it without structural damping (PARAM,G and GE), for a real "
             "one is needed"
         )
-    whole = np.array(table)
-    return _from_pairs(path, whole[:, 0:2].astype(np.int64), whole[:, 2:4].astype(np.int64), whole[:, 4])
+    return _from_pairs(path, np.array(table))
 
 
 def _fields(line: str) -> list[str]:
@@ -254,7 +227,7 @@ def _real(word: str) -> float:
         return float(re.sub(r"(?<=[\d.])([+-]\d+)$", r"E\1", word.upper().replace("D", "E")))
 
 
-def _full(path: Path, target: Target) -> Entries:
+def _full(path: Path, target: Target) -> Labelled:
     """Read a `.full` file of Ansys through ansys-mapdl-reader, if that is installed."""
     full = {"K": 1, "M": 2}  # place of a matrix in what ansys-mapdl-reader returns
     try:
@@ -269,14 +242,8 @@ def _full(path: Path, target: Target) -> Entries:
         label, matrix = np.asarray(whole[0]), sp.coo_matrix(whole[full[target]])
     except (OSError, ValueError, RuntimeError, KeyError, AttributeError) as error:
         refuse(f"{path}: holds no {target} that ansys-mapdl-reader can read ({error})")
-    return Entries(
-        source=str(path),
-        node=label[:, 0].astype(np.int64),
-        dof=label[:, 1].astype(np.int64) + 1,
-        row=matrix.row.astype(np.int64),
-        column=matrix.col.astype(np.int64),
-        value=matrix.data,
-    )
+    row, column = (one.astype(np.int64) for one in (matrix.row, matrix.col))
+    return labelled(str(path), label[:, :2].astype(np.int64) + np.array([0, 1]), row, column, matrix.data)
 
 
-_TEXT: dict[str, Callable[[Path, str, Target], Entries]] = {".pch": _nastran, ".dmig": _nastran}
+_TEXT: dict[str, Callable[[Path, str, Target], Labelled]] = {".pch": _nastran, ".dmig": _nastran}

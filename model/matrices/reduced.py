@@ -259,7 +259,7 @@ def _factored(structure: MatrixStructure, matrix: Any) -> CholeskyFactor:
     try:
         return CholeskyFactor(matrix, structure.location)
     except NotPositiveError as error:
-        where = name_of(int(structure.node[error.index]), int(structure.dof[error.index]))
+        where = name_of(structure.node, structure.dof, error.index)
         refuse(
             f"{structure.name}: the stiffness is not positive near {where}: parts without mass hang loose there, or "
             "rows are Lagrange multipliers"

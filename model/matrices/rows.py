@@ -14,20 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from model.matrices.labelled import (
-    DIRECTIONS,
-    UNITS,
-    Index,
-    Units,
-    held,
-    key,
-    label_of,
-    name_of,
-    placed,
-    symmetric,
-    without,
-)
-from model.matrices.readers import Target, _fields, _real, read_entries
+from model.matrices.labelled import DIRECTIONS, UNITS, Index, Units, key, name_of, placed
+from model.matrices.readers import Target, _fields, _real, read_matrix
 from model.matrices.structure_file import GroupForm, StructureForm, SupportForm
 from model.matrices.text import columns_of_csv, kind_of, read_text, refuse
 
@@ -243,10 +231,8 @@ class Rows:
 
     def matrix(self, file: str, target: Target) -> sp.csr_matrix:
         """Read a matrix into these rows, SI units."""
-        entries = read_entries(file, self.folder, target, self.labels)
-        fixed = held(entries)
-        kept = without(entries, fixed) if fixed.any() else entries
-        return self.si(placed(kept, self.node, self.dof, self.source), target)
+        found = read_matrix(file, self.folder, target, self.labels)
+        return self.si(placed(found.rows(~found.held), self.node, self.dof, self.source), target)
 
     def known(self, names: Iterable[str]) -> tuple[str, ...]:
         """Return names of groups.
@@ -297,13 +283,12 @@ class Rows:
             if one.state == "held":
                 found[rows] = True
                 continue
-            dof = np.array([DIRECTIONS.index(direction) + 1 for direction in one.directions])
-            wanted = key(self.groups[one.group][:, None], dof[None]).reshape(-1)
-            missing = wanted[~np.isin(wanted, key(self.node[rows], self.dof[rows]))]
-            if missing.size:
+            nodes, dof = np.meshgrid(self.groups[one.group], [DIRECTIONS.index(name) + 1 for name in one.directions])
+            missing = ~np.isin(key(nodes, dof), key(self.node[rows], self.dof[rows]))
+            if missing.any():
                 refuse(
-                    f"support {one.group}: {name_of(*label_of(int(missing[0])))} is not in the matrices, so it cannot "
-                    "be released: they were written with it held. Write them without that boundary condition"
+                    f"support {one.group}: {name_of(nodes[missing], dof[missing], 0)} is not in the matrices, so it "
+                    "cannot be released: they were written with it held. Write them without that boundary condition"
                 )
         return found
 
@@ -320,13 +305,11 @@ def read_rows(given: StructureForm, folder: Path) -> tuple[Rows, dict[Target, sp
     """
     stated, notes = given.matrices, []
     labels = None if stated.dofs is None else folder / stated.dofs
-    mass = read_entries(stated.mass, folder, "M", labels)
-    base = read_entries(stated.stiffness, folder, "K", labels) if stated.stiffness else mass
-    fixed = held(base)
-    if fixed.any():
-        notes.append(f"{int(fixed.sum())} rows are held by an enormous stiffness and left out")
-        gone = key(base.node[fixed], base.dof[fixed])
-        base, mass = without(base, fixed), without(mass, np.isin(key(mass.node, mass.dof), gone))
+    mass = read_matrix(stated.mass, folder, "M", labels)
+    base = read_matrix(stated.stiffness, folder, "K", labels) if stated.stiffness else mass
+    if base.held.any():
+        notes.append(f"{int(base.held.sum())} rows are held by an enormous stiffness and left out")
+        base, mass = base.rows(~base.held), mass.rows(~np.isin(mass.key, base.key[base.held]))
     nodes = _nodes(labels, None if stated.nodes is None else folder / stated.nodes)
     units = UNITS[stated.units]
     if nodes is None:
@@ -337,7 +320,7 @@ def read_rows(given: StructureForm, folder: Path) -> tuple[Rows, dict[Target, sp
         groups={one.name: _group(one, nodes, np.unique(base.node), units) for one in given.group},
     )  # fmt: skip
     whole = {"M": rows.si(placed(mass, rows.node, rows.dof, rows.source), "M")}
-    whole["K"] = rows.si(symmetric(base), "K") if stated.stiffness else 0.0 * whole["M"]
+    whole["K"] = rows.si(base.matrix, "K") if stated.stiffness else 0.0 * whole["M"]
     if stated.damping:
         whole["C"] = rows.matrix(stated.damping, "C")
     return rows, whole  # type: ignore[return-value]

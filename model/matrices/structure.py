@@ -224,7 +224,7 @@ def _require_parts(left: Mapping[Target, sp.csr_matrix], whole: Mapping[Target, 
         after, before = left[target].diagonal(), matrix.diagonal()
         i = int(np.argmin(np.where(after < before, after, np.inf)))
         if after[i] < min(before[i], 0.0) - rounding * np.abs(before).max():
-            where = name_of(int(rows.node[i]), int(rows.dof[i]))
+            where = name_of(rows.node, rows.dof, i)
             refuse(
                 f"terms take more {WHOLE[target]} out of {where} than the whole matrix has there. Each must be a part "
                 "of it, and none be in two; where the whole lacks a term, say contained = false, and where its file "

@@ -16,8 +16,8 @@ import scipy.sparse.linalg as sla
 
 import model
 from ema import CampaignError
-from model.matrices.labelled import placed, symmetric
-from model.matrices.readers import read_entries
+from model.matrices.labelled import placed
+from model.matrices.readers import read_matrix
 from model.matrices.reduced import points_on
 from model.matrices.rows import read_nodes
 from model.matrices.text import draft_structure
@@ -87,7 +87,7 @@ def as_text(kind, matrix, name):
 def test_each_program_s_text_is_read(tmp_path, kind, file):
     (tmp_path / file).write_text(as_text(kind, K, "KAAX"))
     (tmp_path / "k.dof").write_text("".join(f"{n}.1\n" for n in NODE))
-    entries = read_entries(file, tmp_path, "K", tmp_path / "k.dof")
+    entries = read_matrix(file, tmp_path, "K", tmp_path / "k.dof")
     assert placed(entries, NODE, np.ones(N, int), "it").toarray() == pytest.approx(K, rel=1e-9)
 
 
@@ -181,7 +181,7 @@ def test_what_cannot_be_right_is_refused_in_words(tmp_path, case):
 
 def test_a_row_of_another_matrix_is_refused(tmp_path):
     (tmp_path / "k.mtx").write_text("1,1,1,1,5.\n")
-    entries = read_entries("k.mtx", tmp_path, "K", None)
+    entries = read_matrix("k.mtx", tmp_path, "K", None)
     with pytest.raises(model.MatricesError, match="node 1, x is not among the rows of the mass"):
         placed(entries, NODE, np.ones(N, int), "the mass")
 
@@ -189,14 +189,14 @@ def test_a_row_of_another_matrix_is_refused(tmp_path):
 def test_an_entry_that_is_there_twice_is_refused(tmp_path):
     (tmp_path / "k.mtx").write_text("1,1,1,1,5.\n2,1,2,1,5.\n1,1,1,1,5.\n")
     with pytest.raises(model.MatricesError, match=r"node 1, x; node 1, x\) is there twice"):
-        symmetric(read_entries("k.mtx", tmp_path, "K", None))
+        read_matrix("k.mtx", tmp_path, "K", None)
 
 
 @pytest.mark.parametrize("text", ["1,1,1,1,5.\n1,1,2,1\n", "1,1,1,1,5.\n1,1,2,1,five\n", ""])
 def test_a_damaged_line_is_named(tmp_path, text):
     (tmp_path / "k.mtx").write_text(text)
     with pytest.raises(model.MatricesError, match=r"k\.mtx: .*(must be: node, dof|empty)"):
-        read_entries("k.mtx", tmp_path, "K", None)
+        read_matrix("k.mtx", tmp_path, "K", None)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +209,7 @@ def test_a_file_that_is_cut_off_amidst_a_number_is_named(tmp_path, kind, file):
     for lost in (0, 2, 9):
         (tmp_path / file).write_text(text[: len(text) - lost])
         with pytest.raises(model.MatricesError, match="it is cut off"):
-            read_entries(file, tmp_path, "K", tmp_path / "k.dof")
+            read_matrix(file, tmp_path, "K", tmp_path / "k.dof")
 
 
 def test_a_file_that_is_cut_off_between_lines_is_asked_about(tmp_path):
@@ -234,12 +234,12 @@ def test_a_damaged_file_of_arrays_is_refused_or_read(tmp_path, name):
         content[rng.integers(len(content))] = rng.integers(256)
         (tmp_path / name).write_bytes(bytes(content))
         with contextlib.suppress(model.MatricesError):
-            read_entries(name, tmp_path, "K", tmp_path / "dofs.csv")
+            read_matrix(name, tmp_path, "K", tmp_path / "dofs.csv")
 
 
 def test_exponents_of_fortran_are_read(tmp_path):
     (tmp_path / "k.mtx").write_text("1,1, 1,1, 5.0D+03\n2,1,2,1,1.5d-1\n")
-    assert read_entries("k.mtx", tmp_path, "K", None).value.tolist() == [5000.0, 0.15]
+    assert read_matrix("k.mtx", tmp_path, "K", None).matrix.data.tolist() == [5000.0, 0.15]
 
 
 def test_a_complex_matrix_of_nastran_is_refused(tmp_path):
@@ -248,7 +248,7 @@ def test_a_complex_matrix_of_nastran_is_refused(tmp_path):
         "*                      1               1  5.0000000D+03  1.0000000D+02\n"
     )
     with pytest.raises(model.MatricesError, match="matrix KAAX is complex; write it without structural damping"):
-        read_entries("k.pch", tmp_path, "K", None)
+        read_matrix("k.pch", tmp_path, "K", None)
 
 
 def test_a_table_of_rows_with_semicolons_and_decimal_commas(tmp_path):
@@ -261,7 +261,7 @@ def test_a_table_of_rows_with_semicolons_and_decimal_commas(tmp_path):
 def test_labels_of_calculix_beside_compressed_matrices(tmp_path):
     for name in ("plate.sti.gz", "plate.dof"):
         shutil.copy(EXAMPLE / name, tmp_path)
-    assert read_entries("plate.sti.gz", tmp_path, "K", None).node.size > 600
+    assert read_matrix("plate.sti.gz", tmp_path, "K", None).node.size > 600
 
 
 def test_units_that_make_no_structure_are_asked_about(tmp_path):
@@ -348,7 +348,7 @@ def test_a_triangle_and_both_give_the_same(tmp_path):
     both = "".join(f"{NODE[i]},1,{NODE[j]},1,{K[i, j]!r}\n" for i, j in zip(*K.nonzero(), strict=True))
     (tmp_path / "both.mtx").write_text(both.replace("np.float64(", "").replace(")", ""))
     (tmp_path / "one.mtx").write_text(as_text("abaqus", K, ""))
-    both, one = (symmetric(read_entries(f"{name}.mtx", tmp_path, "K", None)) for name in ("both", "one"))
+    both, one = (read_matrix(f"{name}.mtx", tmp_path, "K", None).matrix for name in ("both", "one"))
     assert abs(both - one).max() == 0.0
 
 
@@ -584,5 +584,5 @@ def test_punch_files_as_pyyeti_reads_them(tmp_path):
     bulk = pytest.importorskip("pyyeti.nastran.bulk")
     (tmp_path / "k.pch").write_text(as_text("nastran", K, "KAAX"))
     other = bulk.rddmig(str(tmp_path / "k.pch"))["kaax"].to_numpy()
-    whole = symmetric(read_entries("k.pch", tmp_path, "K", None)).toarray()
+    whole = read_matrix("k.pch", tmp_path, "K", None).matrix.toarray()
     assert whole == pytest.approx(other if np.allclose(other, other.T) else other + other.T - np.diag(np.diag(other)))
