@@ -22,7 +22,7 @@ print("\n".join(structure.notes))
 # What a reduction to some eighty coordinates costs is estimated: relative errors of frequencies, at the nominal factors
 # and with each of them one prior deviation away.
 reduced = model.reduce_matrices(structure)
-print(reduced.size, {name: f"{error:.1e}" for name, error in reduced.left.frequency.items()})
+print(reduced.size, {name: f"{error:.1e}" for name, error in reduced.left.items()})
 
 # %%
 # The terms of the file alone cannot make up for what is missing.

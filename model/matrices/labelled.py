@@ -131,7 +131,7 @@ def labelled(source: str, label: Index, row: Index, column: Index, value: NDArra
         i = int(np.argmax(strange))
         refuse(
             f"{source}: row {i + 1} is {name_of(node, dof, i)}, which is no displacement of a node (1 to 6, or x, y, "
-            "z, rx, ry, rz) but an internal variable: a Lagrange multiplier, a scalar point, a pressure, a temperature. "
+            "z, rx, ry, rz) but an internal variable: a Lagrange multiplier, a scalar point, pressure, temperature. "
             "Write the matrices without them (ties by penalty or elimination, no acoustic elements); or does the table "
             "count from 0?"
         )

@@ -170,8 +170,8 @@ def _abaqus(path: Path, text: str) -> Labelled:
 
 def _nastran(path: Path, name: str, target: Target) -> Labelled:
     """Read DMIG cards of a punch file, in fields of 8, of 16 (`DMIG*`), or between commas."""
-    found: dict[str, tuple[int, list[tuple[int, int, int, int, float]]]] = {}
-    current, column, complex_ones = "", (0, 0), set[str]()
+    found: dict[str, tuple[str, str, list[tuple[int, int, int, int, float]]]] = {}  # form, kind of numbers, entries
+    current, column = "", (0, 0)
     for number, line in enumerate(read_text(path, ended=True).splitlines(), 1):
         if not line.strip() or line.startswith("$"):
             continue
@@ -180,8 +180,7 @@ def _nastran(path: Path, name: str, target: Target) -> Labelled:
             if fields[0].rstrip("*").upper() == "DMIG":
                 current = fields[1].upper()
                 if fields[2] == "0" and current not in found:
-                    found[current] = (int(fields[3]), [])
-                    complex_ones |= {current} if fields[4] in ("3", "4") else set()
+                    found[current] = (fields[3], fields[4], [])
                     continue
                 column, rest = (int(fields[2]), int(fields[3] or 0)), fields[5:]
             elif fields[0].rstrip("*") in ("", "+") or fields[0].startswith(("*", "+")):
@@ -192,17 +191,17 @@ def _nastran(path: Path, name: str, target: Target) -> Labelled:
             if not current:
                 continue
             while len(rest) >= 3 and rest[0]:
-                found[current][1].append((int(rest[0]), int(rest[1] or 0), *column, _real(rest[2])))
+                found[current][2].append((int(rest[0]), int(rest[1] or 0), *column, _real(rest[2])))
                 rest = rest[4:]
         except (ValueError, IndexError, KeyError):
             refuse(f"{path}: line {number} is no card DMIG of a real matrix: {line.strip()!r}")
     wanted = [name.upper()] if name else [one for one in _NASTRAN[target] if one in found]
     if not wanted or wanted[0] not in found:
         refuse(f"{path}: holds no matrix {name or target}; there are {', '.join(found) or 'none'}")
-    form, table = found[wanted[0]]
-    if form not in (1, 6) or not table:
+    form, numbers_are, table = found[wanted[0]]
+    if form not in ("1", "6") or not table:
         refuse(f"{path}: matrix {wanted[0]} has form {form}; a filled square (1) or symmetric (6) one is needed")
-    if wanted[0] in complex_ones:
+    if numbers_are in ("3", "4"):
         refuse(
             f"{path}: matrix {wanted[0]} is complex; write it without structural damping (PARAM,G and GE), for a real "
             "one is needed"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from model.elements.equations import Monomial
 from model.matrices.labelled import Index, name_of, rigid_motion
 from model.matrices.readers import Target
-from model.matrices.structure import Factor, MatrixStructure
+from model.matrices.structure import MatrixStructure
 from model.matrices.text import refuse
 from model.reduction.reduced_equations import ReducedTerm, summed
 from model.solvers.eigen import CholeskyFactor, NotPositiveError, lowest_modes
@@ -27,22 +27,6 @@ _BEYOND = 1.5
 
 
 _ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Left:
-    """What the reduction leaves out, estimated from the forces that it leaves unbalanced.
-
-    Attributes
-    ----------
-    frequency : mapping of str to float
-        Largest relative error of a frequency in the band: "nominal", and each term one prior deviation away.
-    compliance : float
-        Largest share of a point's dynamic compliance at the shift that is left out.
-    """
-
-    frequency: Mapping[str, float]
-    compliance: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,8 +45,9 @@ class ReducedMatrices:
         From coordinates to the rows of the structure.
     static : callable
         Returns static responses to forces, (n, k), of the structure at `theta` with the shift added.
-    left : Left
-        What the reduction leaves out.
+    left : mapping of str to float
+        What the reduction leaves out, estimated from the forces that it leaves unbalanced: the largest relative error
+        of a frequency in the band, "nominal" and with each term one prior deviation away.
     """
 
     structure: MatrixStructure
@@ -70,17 +55,7 @@ class ReducedMatrices:
     theta: Mapping[str, float]
     basis: Vectors
     static: Callable[[Vectors], Vectors]
-    left: Left
-
-    @property
-    def name(self) -> str:
-        """The structure's name."""
-        return self.structure.name
-
-    @property
-    def factors(self) -> tuple[Factor, ...]:
-        """The parameters and their priors."""
-        return self.structure.factors
+    left: Mapping[str, float]
 
     @property
     def size(self) -> int:
@@ -107,7 +82,7 @@ class ReducedMatrices:
         wanted, structure = np.asarray(node, dtype=np.int64), self.structure
         missing = wanted[~np.isin(wanted, structure.node)]
         if missing.size:
-            refuse(f"{self.name}: there is no node {missing[0]} in the matrices")
+            refuse(f"{self.structure.name}: there is no node {missing[0]} in the matrices")
         found = np.zeros((wanted.size, 3, self.size))
         for axis in range(3):
             rows = np.flatnonzero(structure.dof == axis + 1)
@@ -134,7 +109,7 @@ class ReducedMatrices:
             frequency, vector = self.solve(moved)
             kept = (frequency < self.structure.band_Hz) & (frequency > 0.0)
             values.append((2.0 * np.pi * frequency[kept]) ** 2)
-            forces.append(self._unbalanced(self.basis @ vector[:, kept], values[-1], moved))
+            forces.append(_forces(self.structure, {None: 1.0, **moved}, self.basis @ vector[:, kept], values[-1]))
         force = np.hstack(forces)
         energy = np.einsum("ij,ij->j", force, self.static(force))
         each = np.split(energy, np.cumsum([value.size for value in values])[:-1])
@@ -143,15 +118,6 @@ class ReducedMatrices:
             float(np.max(error / (2.0 * (value + shift)), initial=0.0))
             for error, value in zip(each, values, strict=True)
         ]
-
-    def _unbalanced(self, x: Vectors, value: Vectors, theta: Mapping[str, float]) -> Vectors:
-        """Return the forces that vectors, (n, k), leave at eigenvalues, (k,)."""
-        found = np.zeros_like(x)
-        for term in self.structure.terms:
-            factor = 1.0 if term.factor is None else theta[term.factor]
-            if term.target != "C" and factor:
-                found += (term.matrix @ x) * (factor if term.target == "K" else -factor * value)
-        return found
 
     def solve(self, theta: Mapping[str, float] | None = None, n_mode: int | None = None) -> tuple[Vectors, Vectors]:
         """Return frequencies, (n_mode,) Hz, and mass-normalised vectors, (size, n_mode), at some parameters.
@@ -168,9 +134,9 @@ class ReducedMatrices:
             # the reciprocal of an eigenvalue, as a joined basis may hold directions that have next to no mass
             inverse, vector = la.eigh(mass, stiffness + shift * mass)
         except la.LinAlgError:
-            refuse(f"{self.name}: neither stiffness nor mass is positive at {moved}")
+            refuse(f"{self.structure.name}: neither stiffness nor mass is positive at {moved}")
         if inverse[0] < -no_mass * inverse[-1]:
-            refuse(f"{self.name}: mass is not positive at {moved}")
+            refuse(f"{self.structure.name}: mass is not positive at {moved}")
         moving = np.flatnonzero(inverse > no_mass * inverse[-1])[::-1][:n_mode]
         value = 1.0 / inverse[moving] - shift
         scaled = vector[:, moving] / np.sqrt(inverse[moving])
@@ -224,14 +190,10 @@ def reduce_matrices(
     )
     found = ReducedMatrices(
         structure=structure, terms=terms, theta=theta, basis=basis, static=partial(_solved, factor),
-        left=Left(frequency={}, compliance=0.0),
+        left={},
     )  # fmt: skip
-    away: dict[str, dict[str, float]] = {"nominal": {}} | {
-        one.name: {one.name: one.away(1.0)} for one in structure.factors
-    }
-    compliance = _missing_compliance(found, loads[0], answers[0], basis, shift)
-    frequency = dict(zip(away, found.errors(list(away.values())), strict=True))
-    return replace(found, left=Left(frequency=frequency, compliance=compliance))
+    away = {"nominal": theta} | {one.name: {one.name: one.away(1.0)} for one in structure.factors}
+    return replace(found, left=dict(zip(away, found.errors(list(away.values())), strict=True)))
 
 
 def _shift(structure: MatrixStructure) -> float:
@@ -243,7 +205,12 @@ def _shift(structure: MatrixStructure) -> float:
 def _joined(vectors: Vectors, matrix: Any) -> Vectors:
     """Return a basis of some vectors, (n, k), that are independent in the energy of a matrix."""
     vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, matrix @ vectors))
-    size, turn = la.eigh(_even(vectors.T @ (matrix @ vectors)))
+    return _independent(vectors, vectors.T @ (matrix @ vectors))
+
+
+def _independent(vectors: Vectors, energy: Vectors) -> Vectors:
+    """Return vectors, (n, k), turned so that their energies, (k, k), are 1, without what carries too little."""
+    size, turn = la.eigh(_even(energy)) if energy.size else (np.zeros(0), np.zeros((0, 0)))
     kept = size > _ENERGY
     return np.asarray(vectors @ (turn[:, kept] / np.sqrt(size[kept])))
 
@@ -277,7 +244,7 @@ def _responses(
     for one in structure.factors:
         answer = modes[:, below]
         for _ in range(order):
-            loads.append(_changed(structure, one, answer, value[below]))
+            loads.append(_forces(structure, {one.name: one.away(1.0) - one.nominal}, answer, value[below]))
             answer = _solved(factor, loads[-1])
             answers.append(answer)
     return loads, answers
@@ -356,14 +323,14 @@ def _unit_loads(structure: MatrixStructure) -> Vectors:
     return np.column_stack(columns) if columns else np.zeros((structure.node.size, 0))
 
 
-def _changed(structure: MatrixStructure, factor: Factor, vectors: Vectors, value: Vectors) -> Vectors:
-    """Return the forces that a prior deviation of a factor puts on vectors at eigenvalues, (n, k)."""
-    force = np.zeros_like(vectors)
+def _forces(structure: MatrixStructure, factors: Mapping[Any, float], vectors: Vectors, value: Vectors) -> Vectors:
+    """Return the forces, (n, k), of terms times some factors on vectors at eigenvalues; None is that of what stays."""
+    found = np.zeros_like(vectors)
     for term in structure.terms:
-        if term.factor == factor.name and term.target != "C":
-            change = term.matrix @ vectors
-            force += change if term.target == "K" else -change * value
-    return (factor.away(1.0) - factor.nominal) * force
+        factor = factors.get(term.factor, 0.0)
+        if term.target != "C" and factor:
+            found += (term.matrix @ vectors) * (factor if term.target == "K" else -factor * value)
+    return found
 
 
 def _beside(
@@ -381,20 +348,7 @@ def _beside(
     beside = answer - modes @ part
     # K + shift M is diagonal in modes, so the energies beside them are those of the answers less those along modes
     along = modes.T @ load
-    energy = _even(answer.T @ load - part.T @ along)
-    size, turn = la.eigh(energy) if energy.size else (np.zeros(0), np.zeros((0, 0)))
-    kept = size > _ENERGY
-    return np.asarray(beside @ (turn[:, kept] / np.sqrt(size[kept])))
-
-
-def _missing_compliance(found: ReducedMatrices, load: Vectors, answer: Vectors, basis: Vectors, shift: float) -> float:
-    """Return the largest share of a point's compliance at the shift that the reduction lacks."""
-    if not load.shape[1]:
-        return 0.0
-    along = basis.T @ load
-    matrix = found.matrix("K", found.theta) + shift * found.matrix("M", found.theta)
-    kept = np.einsum("ij,ij->j", along, la.solve(matrix, along, assume_a="pos"))
-    return float(np.max(1.0 - kept / np.einsum("ij,ij->j", answer, load)))
+    return _independent(beside, answer.T @ load - part.T @ along)
 
 
 _ABOUT = 27  # nodes about a point: the neighbours of one in a mesh of bricks
@@ -493,11 +447,8 @@ def points_on(
 
 def _moving(structure: MatrixStructure, axes: NDArray[np.bool_]) -> Index:
     """Return the nodes that have a row for each of some axes."""
-    nodes = [structure.node[structure.dof == i + 1] for i in np.flatnonzero(axes)]
-    found = nodes[0]
-    for other in nodes[1:]:
-        found = np.intersect1d(found, other)
-    return np.unique(found)
+    node, count = np.unique(structure.node[np.isin(structure.dof, np.flatnonzero(axes) + 1)], return_counts=True)
+    return np.asarray(node[count == np.count_nonzero(axes)])
 
 
 def _near(

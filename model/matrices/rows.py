@@ -19,6 +19,9 @@ from model.matrices.readers import Target, _fields, _real, read_matrix
 from model.matrices.structure_file import GroupForm, StructureForm, SupportForm
 from model.matrices.text import columns_of_csv, kind_of, read_text, refuse
 
+_Table = dict[int, tuple[float, ...]]  # places of nodes by their numbers
+_Sets = dict[str, list[int]]
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Nodes:
@@ -38,20 +41,6 @@ class Nodes:
     location: NDArray[np.float64]
     sets: dict[str, Index]
 
-    def at(self, wanted: Index) -> Index:
-        """Return the rows of nodes.
-
-        Raises
-        ------
-        KeyError
-            A node is missing.
-        """
-        where = np.minimum(np.searchsorted(self.number, wanted), max(self.number.size - 1, 0))
-        missing = self.number[where] != wanted if self.number.size else np.ones(len(wanted), dtype=bool)
-        if missing.any():
-            raise KeyError(int(np.asarray(wanted)[np.argmax(missing)]))
-        return np.asarray(where)
-
 
 def read_nodes(path: Path) -> Nodes:
     """Read nodes: `.inp` (CalculiX, Abaqus), `.bdf` `.dat` `.nas` (Nastran), `.cdb` (Ansys) or CSV with node,x,y,z.
@@ -62,17 +51,17 @@ def read_nodes(path: Path) -> Nodes:
         There are none, or one of them is not as it should be.
     """
     kind = kind_of(path)
-    sets: dict[str, list[int]] = {}
+    table: _Table = {}
+    sets: _Sets = {}
     if kind == ".csv":
-        columns = columns_of_csv(path, ("node", "x", "y", "z"))
-        rows = enumerate(zip(*columns, strict=True), 2)
-        table = {_whole(path, i, node): _place(path, i, place) for i, (node, *place) in rows}
+        for i, words in enumerate(zip(*columns_of_csv(path, ("node", "x", "y", "z")), strict=True), 2):
+            _put(table, path, i, words)
     elif kind in (".bdf", ".dat", ".nas"):
-        table = _grids(path)
+        _grids(path, table)
     elif kind == ".cdb":
-        table = _nblock(path)
+        _nblock(path, table)
     else:
-        table, sets = _deck(path)
+        _deck(path, table, sets)
     if not table:
         refuse(f"{path}: holds no nodes; *NODE, GRID, NBLOCK or a CSV table with node,x,y,z is needed")
     number = np.array(sorted(table), dtype=np.int64)
@@ -90,11 +79,13 @@ def _whole(path: Path, line: int, word: str) -> int:
         refuse(f"{path}: line {line}: {word!r} is no node number")
 
 
-def _place(path: Path, line: int, words: list[str]) -> tuple[float, ...]:
+def _put(table: _Table, path: Path, line: int, words: Sequence[str]) -> None:
+    """Add a node to a table: its number and up to three coordinates."""
+    number = _whole(path, line, words[0])
     try:
-        return tuple(_real(word) if word.strip() else 0.0 for word in (*words, "", "", "")[:3])
+        table[number] = tuple(_real(word) if word.strip() else 0.0 for word in (*words[1:], "", "", "")[:3])
     except ValueError:
-        refuse(f"{path}: line {line}: {', '.join(words)} are no coordinates")
+        refuse(f"{path}: line {line}: {', '.join(words[1:])} are no coordinates")
 
 
 _ELSEWHERE = {
@@ -105,10 +96,8 @@ _ELSEWHERE = {
 """Keywords of a deck after which places and directions of nodes are others than its lines say."""
 
 
-def _deck(path: Path) -> tuple[dict[int, tuple[float, ...]], dict[str, list[int]]]:
+def _deck(path: Path, table: _Table, sets: _Sets) -> None:
     """Read *NODE and *NSET of a deck of CalculiX or Abaqus without parts, and the files that it includes."""
-    table: dict[int, tuple[float, ...]] = {}
-    sets: dict[str, list[int]] = {}
     keyword, options = "", {}
     for i, line in enumerate(read_text(path).splitlines(), 1):
         words = [one.strip() for one in line.split(",")]
@@ -116,31 +105,24 @@ def _deck(path: Path) -> tuple[dict[int, tuple[float, ...]], dict[str, list[int]
             continue
         if line.startswith("*"):
             keyword = words[0].upper()
-            options = {k.strip().upper(): v.strip().upper() for k, _, v in (one.partition("=") for one in words[1:])}
+            options = {k.strip().upper(): v.strip().strip('"') for k, _, v in (one.partition("=") for one in words[1:])}
             if keyword in _ELSEWHERE:
                 refuse(
                     f"{path}: line {i}: {keyword} {_ELSEWHERE[keyword]}; write the deck flat and in global coordinates "
                     "(Abaqus/CAE: Model, Edit Attributes, Do not use parts and assemblies), or a CSV table node,x,y,z"
                 )
-            name = options.get("NSET", "")
+            name = options.get("NSET", "").upper()
             if keyword == "*INCLUDE":
-                further, more = _deck(path.parent / dict(_pairs(words[1:]))["INPUT"])
-                table.update(further)
-                sets.update(more)
+                _deck(path.parent / options["INPUT"], table, sets)
         elif keyword == "*NODE":
-            table[_whole(path, i, words[0])] = _place(path, i, words[1:])
+            _put(table, path, i, words)
             if name:
                 sets.setdefault(name, []).append(int(words[0]))
         elif keyword == "*NSET":
             sets.setdefault(name, []).extend(_members(path, i, words, "GENERATE" in options, sets))
-    return table, sets
 
 
-def _pairs(words: list[str]) -> list[tuple[str, str]]:
-    return [(k.strip().upper(), v.strip().strip('"')) for k, _, v in (one.partition("=") for one in words)]
-
-
-def _members(path: Path, line: int, words: list[str], generate: bool, sets: dict[str, list[int]]) -> list[int]:
+def _members(path: Path, line: int, words: list[str], generate: bool, sets: _Sets) -> list[int]:
     """Return the nodes of a line of *NSET: numbers, names of other sets, or first, last and step."""
     if generate:
         first, last, *step = (_whole(path, line, word) for word in words if word)
@@ -151,9 +133,8 @@ def _members(path: Path, line: int, words: list[str], generate: bool, sets: dict
     return found
 
 
-def _grids(path: Path) -> dict[int, tuple[float, ...]]:
+def _grids(path: Path, table: _Table) -> None:
     """Read GRID and GRID* of a Nastran deck, in basic coordinates."""
-    table: dict[int, tuple[float, ...]] = {}
     lines = read_text(path).splitlines()
     for i, line in enumerate(lines):
         if not re.match(r"GRID[ ,*]", line.upper()):
@@ -163,13 +144,11 @@ def _grids(path: Path) -> dict[int, tuple[float, ...]]:
             fields = [*fields[:5], *_fields(lines[i + 1])[1:]]
         if fields[2] not in ("", "0") or (len(fields) > 6 and fields[6] not in ("", "0")):
             refuse(f"{path}: line {i + 1}: grid {fields[1]} has a coordinate system; only basic coordinates are read")
-        table[_whole(path, i + 1, fields[1])] = _place(path, i + 1, fields[3:6])
-    return table
+        _put(table, path, i + 1, [fields[1], *fields[3:6]])
 
 
-def _nblock(path: Path) -> dict[int, tuple[float, ...]]:
+def _nblock(path: Path, table: _Table) -> None:
     """Read the NBLOCK of an Ansys archive (CDWRITE)."""
-    table: dict[int, tuple[float, ...]] = {}
     lines = iter(enumerate(read_text(path).splitlines(), 1))
     for _, line in lines:
         if not line.upper().startswith("NBLOCK"):
@@ -183,10 +162,9 @@ def _nblock(path: Path) -> dict[int, tuple[float, ...]]:
                 break
             start = n * wide
             fields = [text[start + k * long : start + (k + 1) * long] for k in range(6)]
-            if any(_place(path, i, fields[3:])):
+            if any(word.strip(" .0+-Ee") for word in fields[3:]):
                 refuse(f"{path}: line {i}: node {text[:wide].strip()} has turned axes; only global directions are read")
-            table[_whole(path, i, text[:wide])] = _place(path, i, fields[:3])
-    return table
+            _put(table, path, i, [text[:wide], *fields[:3]])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -337,12 +315,13 @@ def _nodes(labels: Path | None, file: Path | None) -> Nodes | None:
 
 
 def _locations(nodes: Nodes | None, node: Index, source: str, units: Units) -> NDArray[np.float64]:
+    """Return where rows are, (n, 3) m; the numbers of their nodes where no file says it."""
     if nodes is None:
         return np.column_stack([node, np.zeros((node.size, 2))]).astype(float)
-    try:
-        return nodes.location[nodes.at(node)] * units.length
-    except KeyError as error:
-        refuse(f"{source}: the file of the nodes does not say where node {error.args[0]} is; is it of the same model?")
+    missing = node[~np.isin(node, nodes.number)]
+    if missing.size:
+        refuse(f"{source}: the file of the nodes does not say where node {missing[0]} is; is it of the same model?")
+    return np.asarray(nodes.location[np.searchsorted(nodes.number, node)] * units.length)
 
 
 def _group(given: GroupForm, nodes: Nodes | None, used: Index, units: Units) -> Index:

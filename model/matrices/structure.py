@@ -46,10 +46,8 @@ class Factor:
 
     def away(self, deviations: float) -> float:
         """Return the value some prior standard deviations from the nominal one, within the bounds."""
-        if self.scale == "log":
-            value = self.nominal * float(np.exp(deviations * self.std))
-        else:
-            value = self.nominal + deviations * self.std
+        by = deviations * self.std
+        value = self.nominal * float(np.exp(by)) if self.scale == "log" else self.nominal + by
         return min(max(value, self.lower), self.upper)
 
 
@@ -182,13 +180,6 @@ def _structure(given: StructureForm, folder: Path) -> MatrixStructure:
     return _checked(found, given, rows)
 
 
-def _kept(found: MatrixStructure, rows: NDArray[np.bool_]) -> MatrixStructure:
-    """Return a structure with some of its rows, (n,)."""
-    terms = tuple(replace(term, matrix=sp.csr_matrix(term.matrix[rows][:, rows])) for term in found.terms)
-    place = found.location[rows]
-    return replace(found, node=found.node[rows], dof=found.dof[rows], location=place, terms=terms)
-
-
 def _checked(found: MatrixStructure, given: StructureForm, rows: Rows) -> MatrixStructure:
     """Return a structure without what is held and without rows that do nothing, with notes.
 
@@ -208,7 +199,11 @@ def _checked(found: MatrixStructure, given: StructureForm, rows: Rows) -> Matrix
         UNITS[given.matrices.units],
         complete=bool(np.count_nonzero(found.dof <= 3) == 3 * n_node),
     )
-    return replace(_kept(found, ~(idle | rows.held(given.support))), notes=(*found.notes, *notes))
+    kept = ~(idle | rows.held(given.support))
+    return replace(
+        found, node=found.node[kept], dof=found.dof[kept], location=found.location[kept], notes=(*found.notes, *notes),
+        terms=tuple(replace(term, matrix=sp.csr_matrix(term.matrix[kept][:, kept])) for term in found.terms),
+    )  # fmt: skip
 
 
 def _require_parts(left: Mapping[Target, sp.csr_matrix], whole: Mapping[Target, sp.csr_matrix], rows: Rows) -> None:
@@ -266,8 +261,6 @@ def _parts(given: TermForm, rows: Rows, whole: Mapping[Target, sp.csr_matrix]) -
 
 
 def _factor(given: TermForm) -> Factor:
-    lower = 0.0 if given.lower is None else given.lower
-    upper = float("inf") if given.upper is None else given.upper
-    if not lower <= given.nominal <= upper or (given.scale == "log" and given.nominal <= 0.0):
-        refuse(f"term {given.name}: nominal {given.nominal:g} must lie between {lower:g} and {upper:g}")
-    return Factor(name=given.name, nominal=given.nominal, std=given.std, scale=given.scale, lower=lower, upper=upper)
+    if not given.lower <= given.nominal <= given.upper or (given.scale == "log" and given.nominal <= 0.0):
+        refuse(f"term {given.name}: nominal {given.nominal:g} must lie between {given.lower:g} and {given.upper:g}")
+    return Factor(**given.model_dump(include=set(Factor.__annotations__)))

@@ -66,8 +66,8 @@ class TermForm(_Table):
     nominal: float = 1.0
     std: _Positive = 0.3
     scale: Literal["lin", "log"] = "log"
-    lower: float | None = None
-    upper: float | None = None
+    lower: float = 0.0
+    upper: float = float("inf")
 
 
 class ReductionForm(_Table):

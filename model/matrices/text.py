@@ -61,12 +61,9 @@ def numbers(path: Path, text: str, n_column: int, form: str, delimiter: str | No
     MatricesError
         A line holds something else; the message says which, and the `form` that is right.
     """
+    plain = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text) if "D" in text or "d" in text else text  # of Fortran
     try:
-        try:
-            found = np.loadtxt(io.StringIO(text), ndmin=2, delimiter=delimiter, comments=None)
-        except ValueError:  # exponents of Fortran, or a fault
-            plain = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", text)
-            found = np.loadtxt(io.StringIO(plain), ndmin=2, delimiter=delimiter, comments=None)
+        found = np.loadtxt(io.StringIO(plain), ndmin=2, delimiter=delimiter, comments=None)
     except ValueError as error:
         fault = str(error).partition(";")[0].rstrip(".")  # without advice of numpy to programmers
         refuse(f"{path}: {fault}; each line must be: {form}")

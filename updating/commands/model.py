@@ -225,8 +225,8 @@ def solve_matrices(file: Path, output: Path, n_mode: int) -> Table:
         ("mode", "f [Hz]"),
         [(str(r), f"{f:.4f}") for r, f in enumerate(inside, start=1)],
         f"{frequency.size - elastic.size} modes of a rigid body. {structure.node.size} degrees of freedom were "
-        f"reduced to {reduced.size}; that leaves at most {100 * reduced.left.frequency['nominal']:.2g} % of a "
-        f"frequency, and {100 * max(reduced.left.frequency.values()):.2g} % one prior deviation of a term away.",
+        f"reduced to {reduced.size}; that leaves at most {100 * reduced.left['nominal']:.2g} % of a "
+        f"frequency, and {100 * max(reduced.left.values()):.2g} % one prior deviation of a term away.",
     )
 
 
