@@ -13,7 +13,7 @@ import scipy
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.inference.algebra import scaled_inverse, scaled_solve
+from updating.inference.algebra import bounded_step, scaled_inverse
 from updating.inference.discrepancy import (
     DAMPING,
     STIFFNESS,
@@ -134,6 +134,11 @@ class Explanation:
     def pulls(self) -> Vector:
         """Distance of each coordinate from its prior, in standard deviations of the prior, (n_coordinate,)."""
         return np.array([value / c.std for value, c in zip(self.x, self.coordinates, strict=True)])
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        """Least and greatest values of the coordinates, (n_coordinate,) each."""
+        return np.array([c.lower for c in self.coordinates]), np.array([c.upper for c in self.coordinates])
 
     def value(self, name: str) -> float:
         """Return the estimate of a coordinate."""
@@ -484,16 +489,7 @@ def step_within(
     lower, upper, longest = (
         np.array([getattr(c, what) for c in coordinates]) for what in ("lower", "upper", "longest")
     )
-    free = ~(((x <= lower) & (slope > 0.0)) | ((x >= upper) & (slope < 0.0)))
-    step = np.zeros(x.size)
-    while free.any():  # what would leave its bounds is held there, and the others step as far as is best with it
-        downhill = -(slope + hessian[:, ~free] @ step[~free])
-        step[free] = scaled_solve(hessian[np.ix_(free, free)], downhill[free], damp=damp + 1e-9)
-        within = np.clip(x + step, lower, upper) - x
-        left = free & (within != step)
-        if not left.any():
-            break
-        step[left], free = within[left], free & ~left
+    step = bounded_step(slope, hessian, lower - x, upper - x, damp=damp + 1e-9)
     step *= min(1.0, 1.0 / max(float(np.max(np.abs(step) / longest)), 1e-12))
     return np.clip(x + step, lower, upper)
 

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from updating.inference.algebra import scaled_solve
+from updating.inference.algebra import bounded_step
 from updating.inference.discrepancy import Problem
 from updating.inference.explain import Explanation
 from updating.inference.tree import TreeProblem
@@ -96,7 +96,7 @@ def left_out(
             both,
             explanation.x,
             precision,
-            ~explanation.at_bound,
+            explanation.bounds,
             by,
             explanation.n_nuisance,
         )
@@ -164,10 +164,8 @@ def _step_without(
             )
             hessian = hessian + white[:, 1:].T @ white[:, 1:]
             slope = slope + white[:, 1:].T @ white[:, 0]
-    free = ~explanation.at_bound
-    step = np.zeros(explanation.x.size)
-    step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
-    return step
+    lower, upper = explanation.bounds
+    return bounded_step(slope, hessian, lower - explanation.x, upper - explanation.x)
 
 
 def _rms(errors: Vector) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from updating.inference.algebra import scaled_solve
+from updating.inference.algebra import bounded_step, scaled_solve
 from updating.inference.discrepancy import Sizes
 from updating.inference.equation_error import Errors
 from updating.inference.tree import Passing, TreeProblem
@@ -22,7 +22,7 @@ def tree_left_out(
     sizes: tuple[float, float],
     x: Vector,
     precision: Vector,
-    free: NDArray[np.bool_],
+    bounds: tuple[Vector, Vector],
     by: str,
     n_nuisance: int,
 ) -> Vector:
@@ -30,8 +30,10 @@ def tree_left_out(
 
     Parameters
     ----------
-    errors, problem, x, precision, free
-        Of a fit: of each state, of all, its coordinates, the precision of their priors, and which of them may step.
+    errors, problem, x, precision
+        Of a fit: of each state, of all, its coordinates, and the precision of their priors.
+    bounds : pair of (n_coordinate,)
+        Within which coordinates stay.
     sizes : (float, float)
         Of the discrepancies of equation errors and of damping ratios.
     by : "mode", "state" or "specimen"
@@ -62,8 +64,7 @@ def tree_left_out(
         kept = _kept(problem, out)
         hessian = weighed.hessian + np.diag(precision + 1e-12) + problem.curvature_of(kept)
         slope = weighed.slope + precision * x + beside[kept].sum(axis=0)
-        step = np.zeros(x.size)
-        step[free] = -scaled_solve(hessian[np.ix_(free, free)], slope[free])
+        step = bounded_step(slope, hessian, bounds[0] - x, bounds[1] - x)
         if by == "specimen":
             _step_alone(step, passing, problem, sizes[1], precision, x, out, n_nuisance, beside)
         for c, rows in out.items():
