@@ -107,6 +107,15 @@ def test_modes_of_the_model_leave_no_error():
     np.testing.assert_allclose(found.damping, 0.0, atol=1e-4)
 
 
+def test_a_mixture_is_compared_with_no_mode_that_has_a_small_part_in_it():
+    """The third measured mode has equal parts of the first four: its partner among them may be far off."""
+    found = errors(measured(*matrices({})[:2]), [0.0, 0.0])
+    equal = np.where(np.arange(N_MEASURED) == 2, np.where(np.arange(M) < 4, 0.5, 0.0)[:, None], found.weight.T).T
+    mixed = replace(found, weight=equal)
+    assert mixed.paired[2] == mixed.frequency[2]
+    np.testing.assert_allclose(mixed.paired[[0, 1, 3]], found.paired[[0, 1, 3]])
+
+
 def test_a_mixture_of_two_close_modes_leaves_no_error():
     """Two modes at nearly the same frequency mix at will: no pairing is right, and none is needed."""
     state = measured(*matrices({})[:2], noise=1e-6)

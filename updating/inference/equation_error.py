@@ -126,9 +126,13 @@ class Errors:
 
     @property
     def paired(self) -> Vector:
-        """Logarithm of measured frequency over that of its partner among the model's modes, (n,)."""
+        """Logarithm of measured frequency over that of its partner among the model's modes, (n,).
+
+        A mode that has no partner with the largest part in it, a mixture, is compared as `frequency` has it.
+        """
         row, column = self.partners
-        return np.asarray(0.5 * np.log(self.eigenvalue[row] / self.modelled[row, column]))
+        paired = 0.5 * np.log(self.eigenvalue[row] / self.modelled[row, column])
+        return np.asarray(np.where(self.weight[row, column] ** 2 > 0.5, paired, self.frequency))
 
 
 def shape_noise(state: State, modal: Modal, *, least: float = 1e-4, share: float = 0.7) -> Vector:

@@ -91,14 +91,7 @@ def left_out(
         precision = np.array([c.std**-2.0 for c in explanation.coordinates])
         both = (sizes.stiffness, sizes.damping)
         predicted = tree_left_out(
-            explanation.errors,
-            problem,
-            both,
-            explanation.x,
-            precision,
-            explanation.bounds,
-            by,
-            explanation.n_nuisance,
+            explanation.errors, problem, both, explanation.x, precision, explanation.bounds, by, explanation.n_nuisance
         )
         state = np.concatenate([np.full(len(e.value), c) for c, e in enumerate(explanation.errors)])
         return LeftOut(errors={"frequency": predicted[0], "damping": predicted[1]}, state=state)
