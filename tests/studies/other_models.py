@@ -41,7 +41,7 @@ RECORD = BLIND / "other_models.jsonl"
 """The cases of the published table."""
 STACKS_RECORD = RECORD.with_name("three_stacks.jsonl")
 """Those of three stacks in turn, with later rules."""
-FIRST_SEED, FIRST_OF_STACKS = 999_000, 782_100
+FIRST_SEED, FIRST_OF_STACKS = 999_100, 782_100
 """Of the published cases; thresholds were set on seeds below 10,000 of the other model."""
 MIXTURE = ("null", "single", "single", "lacking", "pair", "disturbed")
 """Kinds of cases in their turn."""
