@@ -3,6 +3,7 @@ from model.effects.catalogue import catalogue, find_effects, printed_effects, re
 from model.elements.equations import Assembly, Formula, Kron, Monomial, ParameterFactor, Term
 from model.matrices.reduced import ReducedMatrices, reduce_matrices
 from model.matrices.structure import MatrixStructure, read_matrices
+from model.modes.backbone import Backbone, ContactStrain, backbone, contact_strain
 from model.modes.modes import (
     Modes,
     Observation,
@@ -15,7 +16,7 @@ from model.modes.modes import (
     solve_modes,
 )
 from model.modes.refinement import Refined, refine
-from model.modes.response import Backbone, ContactStrain, backbone, contact_strain, frf
+from model.modes.response import frf
 from model.plot.plots import mode_plotter
 from model.reduction.reduced_equations import ReducedEquations
 from model.reduction.reduction import ReducedSystem, assemble, reduce, reduced_terms

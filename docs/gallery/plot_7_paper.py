@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import model
-from updating.correlation.pairing import class_grid, shape_classes, solve_by_class
+from updating.correlation.shape_class import class_grid, shape_classes, solve_by_class
 from updating.fitting.fit import G_F_BOUNDS, estimate_stiffness, frequency_error
 
 DATA = Path(model.__file__).parents[1] / "data"

@@ -7,8 +7,8 @@ import pytest
 
 import model
 from model.contact.contact import SlipLaw
+from model.modes.backbone import backbone, contact_strain
 from model.modes.modes import full_parameters, reduced_eigenpairs
-from model.modes.response import backbone, contact_strain
 
 DROP = 0.05
 

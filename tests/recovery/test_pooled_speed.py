@@ -13,7 +13,7 @@ from tests.independent.layered import Layered
 from tests.studies.pooled import specimens_of
 from tests.studies.published.shared_opt_G import fit_shared_opt_G
 from tests.studies.published.target import prepare, target_of_table
-from updating.correlation.pairing import class_grid, solve_by_class
+from updating.correlation.shape_class import class_grid, solve_by_class
 from updating.diagnosis.candidates import MESSAGES
 from updating.pooled.diagnosis import diagnose_specimens
 from updating.workers.workers import distribute, workers

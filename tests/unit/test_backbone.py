@@ -8,7 +8,7 @@ import pytest
 
 import model
 from model.contact.contact import SlipLaw
-from model.modes.response import backbone, chosen_interfaces, contact_strain
+from model.modes.backbone import backbone, chosen_interfaces, contact_strain
 from model.stack.parts import Pressing, read_curve
 
 CURVE = read_curve(Path(__file__).parents[2] / "data/contact/compression_standin.csv")
@@ -111,7 +111,7 @@ def test_what_cannot_be_followed_is_refused(system, strain, wrong, message):
 
 
 def test_a_mode_that_is_lost_is_refused(system, strain, monkeypatch):
-    monkeypatch.setattr("model.modes.response._MOST_STEPS", 1)
+    monkeypatch.setattr("model.modes.backbone._MOST_STEPS", 1)
     with pytest.raises(model.SolveError, match="so much slips that the mode cannot be followed"):
         backbone(system, strain, LAW, amplitude=np.array([1e-5]), **GIVEN)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model import read_stack
-from updating.correlation.pairing import class_grid, shape_classes
+from updating.correlation.shape_class import class_grid, shape_classes
 
 STACK = read_stack(Path(__file__).parents[2] / "data/demo_stack/stack.toml")
 

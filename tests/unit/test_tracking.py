@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import model
-from updating.correlation.pairing import class_grid, cross_orthogonality, pair, shape_classes, track
+from updating.correlation.pairing import cross_orthogonality, pair, track
+from updating.correlation.shape_class import class_grid, shape_classes
 from updating.errors import PairingError
 
 

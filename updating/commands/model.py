@@ -40,7 +40,7 @@ from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
 from updating.commands.terminal import OUT, bar, print_lines
 from updating.correlation.correlation import correlate
-from updating.correlation.pairing import class_grid, shape_classes
+from updating.correlation.shape_class import class_grid, shape_classes
 from updating.results.identified import Assignment, Identified, identified
 from updating.results.store import kept, write_bytes, write_result
 from updating.results.text import Z95, Table, quantity

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from lamella_shared import arrays
 from model import Effect, Modes, Observed, ReducedSystem, Stack, observe, reduce, solve_modes
-from updating.correlation.pairing import class_grid, cross_orthogonality, shape_classes, track
+from updating.correlation.pairing import cross_orthogonality, track
+from updating.correlation.shape_class import class_grid, shape_classes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -3,7 +3,7 @@
 To first order in the softening the contact keeps its shape. A mode whose contact holds the share e of its stiffness
 then has omega**2 (1 - e s) and the further damping ratio e l / (2 (1 - e s)), with softening s and loss factor l
 averaged over the contact's energy. At a drop of 5 % of frequency this is off by 0.1 % of it and by 3 % of damping
-(`model.modes.response` has all of it).
+(`model.modes.backbone` has all of it).
 """
 
 from __future__ import annotations

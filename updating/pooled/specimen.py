@@ -19,8 +19,9 @@ from ema.types.frf import Dof, Dofs, Geometry
 from ema.types.modal_model import ModalModel
 from lamella_shared import Complexes, Integers, Reals
 from model import Effect, ReducedSystem, Stack, observe, reduce
-from updating.correlation.pairing import CLASS_ROWS, CLASS_STATIONS, class_grid, require_points, solve_by_class
+from updating.correlation.pairing import require_points
 from updating.correlation.registration import register
+from updating.correlation.shape_class import CLASS_ROWS, CLASS_STATIONS, class_grid, solve_by_class
 from updating.diagnosis.candidates import (
     G_F_RANGE,
     MESSAGES,

@@ -15,7 +15,7 @@ from pydantic import Field
 from ema.io.files import Section
 from lamella_shared import arrays, read_form
 from model import Stack, observe, read_stack, reduce
-from updating.correlation.pairing import class_grid, solve_by_class
+from updating.correlation.shape_class import class_grid, solve_by_class
 from updating.errors import FitError
 from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT_WIDE, Estimate, Prediction, estimate_stiffness, frequency_error
 

@@ -13,7 +13,8 @@ from ema.types.arrays import single_threaded
 from lamella_shared import arrays
 from model import Modes, ReducedSystem, Stack, reduce, solve_modes
 from model.modes.modes import Observed, observe
-from updating.correlation.pairing import N_MODE, class_grid, shape_classes
+from updating.correlation.pairing import N_MODE
+from updating.correlation.shape_class import class_grid, shape_classes
 from updating.errors import FitError
 from updating.fitting.fit import G_F_BOUNDS, N_SNAPSHOT_WIDE
 
