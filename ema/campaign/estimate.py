@@ -7,13 +7,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveInt, model_validator
 
 from ema.io.measured_function import parse_unit
 from ema.types.errors import MeasurementError
 from lamella_shared import Complexes, Integers, Reals, arrays
-
-Position = Annotated[int, Field(ge=1)]
 
 
 class Averaging(BaseModel):
@@ -54,7 +52,7 @@ class Averaging(BaseModel):
     window: Literal["boxcar", "hann"]
     response_end: float = Field(default=1.0, gt=0, le=1)
     force_s: float | None = Field(default=None, gt=0)
-    force: Position | Annotated[tuple[Position, ...], Field(min_length=1)] = 1
+    force: PositiveInt | Annotated[tuple[PositiveInt, ...], Field(min_length=1)] = 1
     force_unit: str | None = None
     response_unit: str | None = None
 

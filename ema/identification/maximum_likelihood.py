@@ -37,7 +37,7 @@ from lamella_shared import Complexes, Reals
 
 TOLERANCE = 1e-3
 """Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
-_NONE = np.empty(0, dtype=complex)
+NO_POLE = np.empty(0, dtype=complex)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -142,7 +142,7 @@ class _Target:
 
     @classmethod
     def of(
-        cls, frequency: Reals, value: Complexes, quantity: Quantity, weight: Reals | None, held: Complexes = _NONE
+        cls, frequency: Reals, value: Complexes, quantity: Quantity, weight: Reals | None, held: Complexes = NO_POLE
     ) -> _Target:
         """Lay out what is fitted; see `refine`."""
         even = weight is None or all(np.all(row == 1.0) for row in weight)
@@ -227,7 +227,7 @@ def refine(
     quantity: Quantity,
     weight: Reals | None = None,
     *,
-    held: Complexes = _NONE,
+    held: Complexes = NO_POLE,
     tolerance: float = TOLERANCE,
     max_step: int = 60,
 ) -> Fit:

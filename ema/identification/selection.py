@@ -44,12 +44,11 @@ from ema.identification.evidence import (
     unexplained_peaks,
 )
 from ema.identification.functions import MAX_DAMPING, Functions, inside, resonant, response
-from ema.identification.maximum_likelihood import Fit, linear_fit, refine
+from ema.identification.maximum_likelihood import NO_POLE, Fit, linear_fit, refine
 from ema.identification.run_poles import RUNS_DIFFER, RunPoles, image_of_a_mode, moves_from_run_to_run, run_poles
 from lamella_shared import Booleans, Complexes
 
 _LOG = logging.getLogger(__name__)
-_NONE = np.empty(0, dtype=complex)
 
 
 def select_modes(data: Functions, candidates: Complexes, band: tuple[float, float]) -> tuple[Fit, RunPoles, Left]:
@@ -73,7 +72,7 @@ def select_modes(data: Functions, candidates: Complexes, band: tuple[float, floa
     left : tuple of (Peak, str)
         Peaks that stay unexplained, each with the reason why it was not taken in.
     """
-    first = _without_images(data, _refined(data, _screened(data, candidates), band), band, _NONE).pole
+    first = _without_images(data, _refined(data, _screened(data, candidates), band), band, NO_POLE).pole
     # Fits are large: none is held beside those that are made after it.
     further = _with_further_modes(data, data.linear_fit(first), candidates, band).pole
     fit = _without_images(data, _refined(data, further, band), band, first)
@@ -181,7 +180,7 @@ def _flanks(fit: Fit, band: tuple[float, float], *, aside: float = 0.03) -> Comp
     Left out, it is shared between the modes of the band: one 7 % above it, 1 % of every shape. Refinement moves it.
     """
     if fit.pole.size == 0:
-        return _NONE
+        return NO_POLE
     damping = float(np.median(-fit.pole.real / np.abs(fit.pole)))
     off = aside * (band[1] - band[0])
     ends = 2.0 * np.pi * np.array([end for end in (band[0] - off, band[1] + off) if end > 0.0])
@@ -310,7 +309,7 @@ def _flanks_beside(data: Functions, fit: Fit, peak: Peak) -> Complexes:
 
 
 def try_peak(
-    data: Functions, fit: Fit, peak: Peak, start: Complexes, band: tuple[float, float], beside: Complexes = _NONE
+    data: Functions, fit: Fit, peak: Peak, start: Complexes, band: tuple[float, float], beside: Complexes = NO_POLE
 ) -> Complexes | Refusal:
     """Judge a peak on the lines around it, from each of several starting poles.
 

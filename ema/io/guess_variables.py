@@ -30,6 +30,7 @@ from ema.io.files import (
     with_names,
 )
 from ema.io.measured_function import is_uneven
+from ema.io.rows import FEWEST_ROWS
 from ema.io.variables import FIRST_COLUMN, WAYS
 from ema.types.errors import MeasurementError
 from lamella_shared import Reals
@@ -50,7 +51,6 @@ _STEP = re.compile(
     r"^((x|wf)_?increment|increment|df|d_f|delta_?f|f_?step|freq\w*_?(step|res\w*|spacing)|resolution)$", re.IGNORECASE
 )
 _START = re.compile(r"^(start(_value)?|f_?start|f_?min|f_?0|wf_start_offset)$", re.IGNORECASE)
-_FEWEST_LINES = 10
 _OF_MODES = re.compile(
     r"^(f_?n|w_?n|omega_?n?|freqs?|frequenc(y|ies)|.*nat\w*freq\w*|lamb(da|d)s?|poles?|eigen\w*)$", re.IGNORECASE
 )
@@ -242,7 +242,7 @@ def _two_parts(arrays: _Arrays) -> tuple[dict[str, Any], _Arrays, list[str]] | N
     names = [
         name for name, value in arrays.items()
         if _FRF.search(field_of(name)) and value.dtype.kind == "f" and value.ndim == 2
-        and value.shape[1] == 2 and value.shape[0] >= _FEWEST_LINES
+        and value.shape[1] == 2 and value.shape[0] >= FEWEST_ROWS
     ]  # fmt: skip
     names = [name for name in names if arrays[name].shape == arrays[names[0]].shape]
     if not names or not _steps(arrays, arrays[names[0]].shape[0], []):
@@ -296,7 +296,7 @@ def _counts(value: NDArray[Any]) -> list[int]:
 
 def _is_axis(value: NDArray[Any]) -> bool:
     """Whether the first column of a long array ascends and is real, as frequencies do."""
-    if value.ndim != 2 or not 1 < value.shape[1] < value.shape[0] or value.shape[0] < _FEWEST_LINES:
+    if value.ndim != 2 or not 1 < value.shape[1] < value.shape[0] or value.shape[0] < FEWEST_ROWS:
         return False
     first = value[:, 0]
     return not np.any(first.imag) and bool(first[0].real >= 0 and np.all(np.diff(first.real) > 0))

@@ -16,6 +16,8 @@ from lamella_shared import Reals, readonly
 
 Kind = Literal["frf", "coherence", "response", "force", "other"]
 """What a function is: response and force are time histories, "other" (spectra, ...) is read but not used."""
+KIND_OF_TYPE: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
+"""What the function types of universal files, which SDynPy has as well, are; all others are "other"."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -272,11 +274,6 @@ _FRF: dict[tuple[int, int, int], Quantity] = {
     (1, -1, -1): "mobility",
     (1, -2, -1): "accelerance",
 }
-_MOTION: dict[tuple[int, int, int], Quantity] = {
-    (1, 0, 0): "receptance",
-    (1, -1, 0): "mobility",
-    (1, -2, 0): "accelerance",
-}
 
 
 _OF_SI = {
@@ -311,7 +308,8 @@ class Unit:
     @property
     def motion(self) -> Quantity | None:
         """The frequency-response function whose response alone has this unit, None for any other."""
-        return _MOTION.get(self.dimension) if self.volt == 0 else None
+        length, time, force = self.dimension
+        return _FRF.get((length, time, force - 1)) if self.volt == 0 else None
 
     @property
     def turned_frf(self) -> bool:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ema.io.found_modes import FoundModes, are_percent, joined, without_unmeasured
 from ema.io.uff import mass_unit
-from ema.io.uff58 import DataSet, cut
+from ema.io.uff58 import COMPLEX, SIZE, DataSet, cut
 from ema.types.errors import MeasurementError
 from ema.types.frf import Geometry
 from lamella_shared import Complexes, Integers
@@ -26,7 +26,6 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
 _HERTZ = re.compile(rf"({_NUMBER.pattern})\s*Hz", re.IGNORECASE)
 _NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND = 2, 3, 7
 _ANALYSES = {0: "unknown", 1: "static", 4: "transient", 5: "frequency response", 6: "buckling"}
-_REAL, _COMPLEX = (2, 4), (5, 6)  # data types, single and double
 _DISPLACEMENT = 8
 
 
@@ -240,9 +239,9 @@ def _damping(viscous: float, hysteretic: float) -> float:
 
 
 def _is_complex(data_set: DataSet, form: int) -> bool:
-    if form not in (*_REAL, *_COMPLEX):
+    if form not in SIZE:
         raise MeasurementError(f"{data_set.where}: data type {form} is not one of 2 and 4 (real), 5 and 6 (complex)")
-    return form in _COMPLEX
+    return form in COMPLEX
 
 
 def _values(data_set: DataSet, head: _Header, *, largest_node: int = 2**31 - 1) -> tuple[Integers, Complexes]:

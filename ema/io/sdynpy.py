@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ema.io.array_files import LARGEST, NPY, numpy_header
 from ema.io.found_modes import FoundModes, joined, without_unmeasured
-from ema.io.measured_function import Kind, MeasuredFunction, Unit
+from ema.io.measured_function import KIND_OF_TYPE, Kind, MeasuredFunction, Unit
 from ema.types.errors import MeasurementError
 from ema.types.frf import Geometry
 from lamella_shared import plain_bytes
@@ -21,7 +21,6 @@ from lamella_shared import plain_bytes
 FUNCTION_FIELDS = frozenset(("abscissa", "ordinate", "coordinate"))
 """Fields of such an array; `coordinate` has `node` and `direction`, of the response and of the force."""
 _TYPE = "function_type"  # number beside the array, as in universal files
-_KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
 _LARGEST_BYTES = 16 * LARGEST
 
 
@@ -107,7 +106,7 @@ def _functions(
     flat = data.reshape(-1)
     kind: Kind = "frf" if np.iscomplexobj(flat["ordinate"]) else "other"
     if number is not None:
-        kind = _KINDS.get(number, "other")
+        kind = KIND_OF_TYPE.get(number, "other")
     coordinate = flat["coordinate"].reshape(flat.size, -1)
     if kind == "frf" and coordinate.shape[1] != 2:
         kind = "other"

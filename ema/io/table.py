@@ -7,11 +7,11 @@ import gzip
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveInt, model_validator
 
 from ema.io.files import Code, dof_of_cells, from_polar
 from ema.io.measured_function import MeasuredFunction, Unit, require_ascending
@@ -35,7 +35,6 @@ _BEYOND = "beyond the last column"
 _OF_NODE = r"nodes?|points?|punkte?|knoten|to[cč]ka|(?:node|point)[ _]?(?:no|nr|number|id)\.?"
 _OF_UNIT = re.compile(r"[\[(](.*?)[\])]")
 _LENGTHS = {"m", "cm", "mm", "in"}
-Column = Annotated[int, Field(ge=1)]
 
 
 class TableLayout(BaseModel):
@@ -87,12 +86,12 @@ class TableLayout(BaseModel):
     axis_start: float = 0.0
     axis_step: float = Field(default=0.0, ge=0)
     sampling_Hz: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    columns: tuple[tuple[Column, ...], ...] = ()
-    coherence_columns: tuple[Column, ...] = ()
+    columns: tuple[tuple[PositiveInt, ...], ...] = ()
+    coherence_columns: tuple[PositiveInt, ...] = ()
     phase_unit: Literal["deg", "rad"] = "deg"
     magnitude_unit: Literal["linear", "dB"] = "linear"
-    output_columns: tuple[Column, ...] = Field(default=(), max_length=2)
-    input_columns: tuple[Column, ...] = Field(default=(), max_length=2)
+    output_columns: tuple[PositiveInt, ...] = Field(default=(), max_length=2)
+    input_columns: tuple[PositiveInt, ...] = Field(default=(), max_length=2)
     direction: str = Field(default="", pattern="^([+-][xyz])?$")
 
     @property

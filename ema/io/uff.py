@@ -19,7 +19,7 @@ import numpy as np
 import pyuff
 
 from ema.io.files import dofs_in, whole
-from ema.io.measured_function import Kind, MeasuredFunction, Unit, parse_unit
+from ema.io.measured_function import KIND_OF_TYPE, Kind, MeasuredFunction, Unit, parse_unit
 from ema.io.uff58 import (
     DataSet,
     Record58,
@@ -110,7 +110,6 @@ NOT_OVER_FORCE = "it is no response over a force but"
 """What a note says of a ratio of other things, after the file and the data set and before what it is."""
 VOLTS = "its unit is one of volts, without the sensitivity of the sensor:"
 """What a note says of a unit of volts, after the file and the data set and before the unit."""
-_KINDS: dict[int, Kind] = {1: "response", 4: "frf", 6: "coherence"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -398,7 +397,7 @@ def _kind(record: Record58, notes: list[str]) -> Kind:
     header = record.header
     code = header["function type"]
     if code != 0:
-        return _KINDS.get(code, "other")
+        return KIND_OF_TYPE.get(code, "other")
     label = header["ordinate denominator units label"]
     over_force = header["ordinate denominator specific data type"] in _FORCE_TYPES or _is_force(label)
     frequencies = is_frequency(header["abscissa specific data type"], header["abscissa units label"])

@@ -29,8 +29,8 @@ from lamella_shared import Reals
 Content = bytes | mmap.mmap
 _HEADER_LINES = 11
 _LONGEST_HEADER = 4096  # bytes of these lines, which have 80 columns each
-_SIZE = {2: 4, 4: 8, 5: 4, 6: 8}
-_COMPLEX = (5, 6)
+SIZE = {2: 4, 4: 8, 5: 4, 6: 8}
+COMPLEX = (5, 6)
 # Field widths of the records, each as (width, name, type), after the description of dataset 58.
 _Fields = tuple[tuple[int, str, Callable[[str], Any]], ...]
 _DOF: _Fields = (
@@ -205,13 +205,13 @@ def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
     for name, line in zip(_AXES, lines[7:], strict=True):
         header |= _fields(line, _AXIS, f"{name} ", data_set.where)
     ordinate = header["ordinate data type"]
-    if ordinate not in _SIZE:
+    if ordinate not in SIZE:
         raise MeasurementError(f"{data_set.where}: ordinate data type {ordinate} is not one of 2, 4, 5, 6")
     if head:
-        value = np.zeros(1, complex if ordinate in _COMPLEX else float)
+        value = np.zeros(1, complex if ordinate in COMPLEX else float)
         return Record58(where=data_set.where, header=header, abscissa=np.zeros(1), value=value, notes=())
     uneven = header["abscissa spacing"] == 0
-    per_value = (2 if ordinate in _COMPLEX else 1) + (1 if uneven else 0)
+    per_value = (2 if ordinate in COMPLEX else 1) + (1 if uneven else 0)
     if data_set.kind == "58b":
         numbers = _binary_numbers(data_set, body, header, per_value, notes)
     else:
@@ -226,7 +226,7 @@ def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
         raise MeasurementError(f"{data_set.where}: no data values")
     table = numbers[: count * per_value].reshape(count, per_value)
     abscissa, table = (table[:, 0], table[:, 1:]) if uneven else (_even_abscissa(header, count, data_set), table)
-    value = table[:, 0] + 1j * table[:, 1] if ordinate in _COMPLEX else table[:, 0]
+    value = table[:, 0] + 1j * table[:, 1] if ordinate in COMPLEX else table[:, 0]
     return Record58(where=data_set.where, header=header, abscissa=abscissa, value=value, notes=tuple(notes))
 
 
@@ -314,8 +314,8 @@ def _binary_end(data: Content, position: int, where: str) -> tuple[int, int]:
     start = position + len(head) - len(rest)
     try:
         form = _fields(lines[6], _FORM, "", where)
-        size = _SIZE[form["ordinate data type"]]
-        per_value = (2 if form["ordinate data type"] in _COMPLEX else 1) + (form["abscissa spacing"] == 0)
+        size = SIZE[form["ordinate data type"]]
+        per_value = (2 if form["ordinate data type"] in COMPLEX else 1) + (form["abscissa spacing"] == 0)
         announced = start + size * per_value * max(form["number of values"], 0)
     except (MeasurementError, KeyError, IndexError):
         announced = start  # the fault is reported when the set itself is read
@@ -365,7 +365,7 @@ def _binary_numbers(data_set: DataSet, body: bytes, header: dict[str, Any], per_
             f"{data_set.where}: field 'floating-point format' is {description['floating-point format']}; "
             "only IEEE 754 (2) is read"
         )
-    size = _SIZE[header["ordinate data type"]]
+    size = SIZE[header["ordinate data type"]]
     order = ">" if description["byte order"] == 2 else "<"
     surplus = len(body) - header["number of values"] * per_value * size
     if surplus:

@@ -342,7 +342,7 @@ def assembled(
     geometry: Geometry,
     dofs: Dofs,
     sensor: Integers,
-    force: Dof,
+    force: Dof | None,
 ) -> ModalModel:
     """Return modes as an identification gives them that has no functions.
 
@@ -371,7 +371,6 @@ def assembled(
 CLASS_STD = 0.1
 """Standard deviation of each modal coordinate of a shape that stands for a class: a mode of a class resembles the
 model's, MAC 0.9 with some ten modes that it may be mixed with, and what it is mixed with is not known."""
-_UP = Dof(0, (0.0, 0.0, 1.0))
 
 
 class Classes:
@@ -426,5 +425,5 @@ class Classes:
             geometry=geometry,
             dofs=Dofs(node=node, direction=grid.direction[upwards]),
             sensor=np.zeros(n, dtype=np.int64),
-            force=_UP,
+            force=None,
         )

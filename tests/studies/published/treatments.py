@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ema.campaign.campaign_file import DAMPING_SCATTER, FREQUENCY_SCATTER
+from ema.campaign.campaign_file import Reassembly
 from tests.studies.published.campaign import Calibrated, Published, prepare_published
 from tests.studies.published.target import Prepared, solve_target
 
@@ -138,7 +138,7 @@ def _treatment(
     for treated, twin in pairs:
         s = np.sqrt(_sensitivity(at_320[twin], G_f[twin]) * _sensitivity(at_320[treated], G_f[treated]))
         moved = _log(at_320[treated].target.frequency) - _log(at_320[twin].target.frequency)
-        stiffness.append(slope(s, moved, _BETWEEN_TWO * FREQUENCY_SCATTER))
+        stiffness.append(slope(s, moved, _BETWEEN_TWO * Reassembly().frequency))
         if f"{treated} M1" in both and f"{twin} M1" in both:
             damping.append(_damping(both, treated, twin, G_f))
             ratio = [
@@ -146,7 +146,7 @@ def _treatment(
                 for stack in (treated, twin)
             ]
             doubled = np.log(data.pressure["M2"] / data.pressure["M1"])
-            exponent.append(slope(s * doubled, ratio[0] - ratio[1], _BETWEEN_TWO * FREQUENCY_SCATTER))
+            exponent.append(slope(s * doubled, ratio[0] - ratio[1], _BETWEEN_TWO * Reassembly().frequency))
     listed = list[tuple[str, float, float]]()
     for treated, twin in pairs:
         if treated in data.contact and twin in data.contact:
@@ -174,7 +174,7 @@ def _damping(both: dict[str, Prepared], treated: str, twin: str, G_f: dict[str, 
         ]
         moved.append(per_d_f[0] - per_d_f[1])
     changes = np.concatenate(moved)
-    return slope(np.ones(changes.size), changes, _BETWEEN_TWO * DAMPING_SCATTER)
+    return slope(np.ones(changes.size), changes, _BETWEEN_TWO * Reassembly().damping)
 
 
 def _log(values: Vector | None) -> Vector:
