@@ -15,7 +15,7 @@ import numpy as np
 
 from ema.io.found_modes import FoundModes, are_percent, joined, without_unmeasured
 from ema.io.uff import mass_unit
-from ema.io.uff58 import COMPLEX, SIZE, DataSet, cut
+from ema.io.uff58 import BYTES, COMPLEX, DataSet, cut
 from ema.types.errors import MeasurementError
 from ema.types.frf import Geometry
 from lamella_shared import Complexes, Integers
@@ -239,7 +239,7 @@ def _damping(viscous: float, hysteretic: float) -> float:
 
 
 def _is_complex(data_set: DataSet, form: int) -> bool:
-    if form not in SIZE:
+    if form not in BYTES:
         raise MeasurementError(f"{data_set.where}: data type {form} is not one of 2 and 4 (real), 5 and 6 (complex)")
     return form in COMPLEX
 

@@ -29,7 +29,7 @@ from lamella_shared import Reals
 Content = bytes | mmap.mmap
 _HEADER_LINES = 11
 _LONGEST_HEADER = 4096  # bytes of these lines, which have 80 columns each
-SIZE = {2: 4, 4: 8, 5: 4, 6: 8}
+BYTES = {2: 4, 4: 8, 5: 4, 6: 8}
 COMPLEX = (5, 6)
 # Field widths of the records, each as (width, name, type), after the description of dataset 58.
 _Fields = tuple[tuple[int, str, Callable[[str], Any]], ...]
@@ -205,7 +205,7 @@ def read_58(data_set: DataSet, *, head: bool = False) -> Record58:
     for name, line in zip(_AXES, lines[7:], strict=True):
         header |= _fields(line, _AXIS, f"{name} ", data_set.where)
     ordinate = header["ordinate data type"]
-    if ordinate not in SIZE:
+    if ordinate not in BYTES:
         raise MeasurementError(f"{data_set.where}: ordinate data type {ordinate} is not one of 2, 4, 5, 6")
     if head:
         value = np.zeros(1, complex if ordinate in COMPLEX else float)
@@ -314,7 +314,7 @@ def _binary_end(data: Content, position: int, where: str) -> tuple[int, int]:
     start = position + len(head) - len(rest)
     try:
         form = _fields(lines[6], _FORM, "", where)
-        size = SIZE[form["ordinate data type"]]
+        size = BYTES[form["ordinate data type"]]
         per_value = (2 if form["ordinate data type"] in COMPLEX else 1) + (form["abscissa spacing"] == 0)
         announced = start + size * per_value * max(form["number of values"], 0)
     except (MeasurementError, KeyError, IndexError):
@@ -365,7 +365,7 @@ def _binary_numbers(data_set: DataSet, body: bytes, header: dict[str, Any], per_
             f"{data_set.where}: field 'floating-point format' is {description['floating-point format']}; "
             "only IEEE 754 (2) is read"
         )
-    size = SIZE[header["ordinate data type"]]
+    size = BYTES[header["ordinate data type"]]
     order = ">" if description["byte order"] == 2 else "<"
     surplus = len(body) - header["number of values"] * per_value * size
     if surplus:

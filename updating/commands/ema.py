@@ -10,7 +10,6 @@ import numpy as np
 
 from ema import (
     Campaign,
-    Change,
     Comparison,
     ExplainedPower,
     ModalModel,
@@ -25,7 +24,6 @@ from ema import (
 from ema.identification.amplitude import AmplitudeDependence
 from ema.identification.exchange import write_modes_csv, write_modes_uff, write_poles, write_shapes_csv
 from ema.io.uff import write_uff
-from ema.modal.change import KINDS
 from ema.plot.figures import (
     amplitude_figure,
     as_png,
@@ -39,7 +37,7 @@ from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
 from lamella_shared import Reals
 from updating.commands.terminal import OUT, Run, print_lines, print_results
-from updating.results.campaign import campaign_findings, compared, over_amplitude, stored_amplitude
+from updating.results.campaign import campaign_findings, change_table, compared, over_amplitude, stored_amplitude
 from updating.results.identified import (
     Assignment,
     Failed,
@@ -236,27 +234,6 @@ def print_changes(campaign: Campaign, results: Sequence[Identified]) -> None:
         OUT.print(change_table(change))
         OUT.print(f"  {change_sentence(change)}")
     print_lines(OUT, lost)
-
-
-def change_table(change: Change) -> Table:
-    """List every mode that a state and its reference have: shifts with their scatter, MAC, and what changed."""
-    columns = (
-        change.frequency_shift,
-        change.frequency_scatter,
-        change.damping_shift,
-        change.damping_scatter,
-        change.mac,
-    )
-    rows = [
-        (
-            str(change.reference_mode[r] + 1), f"{change.reference_frequency[r]:.2f}", f"{100 * np.expm1(f):+.3f}",
-            f"{100 * f_std:.2g}", f"{100 * np.expm1(d):+.0f}", f"{100 * d_std:.0f}", f"{mac:.3f}",
-            ", ".join(name for name, changed in zip(KINDS, change.which[r], strict=True) if changed),
-        )
-        for r, (f, f_std, d, d_std, mac) in enumerate(zip(*columns, strict=True))
-    ]  # fmt: skip
-    header = ("mode", "f [Hz]", "shift [%]", "std [%]", "damping shift [%]", "std [%]", "MAC", "changed")
-    return Table(f"{change.name} against {', '.join(change.reference)}", header, rows)
 
 
 @single_threaded

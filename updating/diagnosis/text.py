@@ -13,7 +13,7 @@ from updating.diagnosis.answer import FAR, Diagnosis, MixedUp, PointChange, Rank
 from updating.diagnosis.moved import REPORTED, misstated, moved_text, pulled_text
 from updating.inference.discrepancy import DAMPING, STIFFNESS
 from updating.inference.levels import FALLS, INADEQUATE, NAMED
-from updating.results.text import LISTED, percent, quantity, together
+from updating.results.text import MOST_LISTED, percent, quantity, together
 
 _ERRORS: dict[Telling, str] = {"frequency": "frequency error", "damping": "error of damping ratios"}
 _MOST_LEFT = {
@@ -34,11 +34,11 @@ def sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     if diagnosis.verdict == "one of":
         text += [
             f"If it is {named(diagnosis, effects)}: {values}."
-            for effects in diagnosis.set[:LISTED]
+            for effects in diagnosis.set[:MOST_LISTED]
             if (values := _values(diagnosis.ranked(effects)))
         ]
     without = "Without any of these" if diagnosis.verdict == "one of" else "Without it"
-    text += [f"{without}, {sentence}" for sentence in pulled_text(diagnosis.relieved)[:LISTED]]
+    text += [f"{without}, {sentence}" for sentence in pulled_text(diagnosis.relieved)[:MOST_LISTED]]
     if len(diagnosis.steps) > 2:
         text.append(_way(diagnosis))
     if diagnosis.set:
@@ -118,12 +118,12 @@ def _verdict(diagnosis: Diagnosis) -> str:
         )
     first, share = diagnosis.ranked(diagnosis.set[0]), f"{100.0 * diagnosis.explained:.0f} %"
     what = named(diagnosis, first.effects)
-    others = "; or ".join(named(diagnosis, effects) for effects in diagnosis.set[1 : 1 + LISTED])
+    others = "; or ".join(named(diagnosis, effects) for effects in diagnosis.set[1 : 1 + MOST_LISTED])
     others += _more(diagnosis.set)
     if diagnosis.unlisted == "instead":
         others += f"{'; or ' if others else ''}{UNLISTED}"
     if diagnosis.verdict == "one of" and (beside := further_effects(diagnosis)):
-        also = "; or ".join(named(diagnosis, effects) for effects in beside[:LISTED])
+        also = "; or ".join(named(diagnosis, effects) for effects in beside[:MOST_LISTED])
         return (
             f"Missing is {what}{_said(first)}. Whether {also} is missing as well, the data cannot tell. "
             f"{_change(base, first, 'With the first')}"
@@ -143,7 +143,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
 
 def _more(left: Sequence[Sequence[str]]) -> str:
     """Return how many explanations there are beside those that are listed."""
-    return f"; or one of {len(left) - 1 - LISTED} more" if len(left) > 1 + LISTED else ""
+    return f"; or one of {len(left) - 1 - MOST_LISTED} more" if len(left) > 1 + MOST_LISTED else ""
 
 
 def _said(explanation: Ranked) -> str:
@@ -359,7 +359,7 @@ def _where(diagnosis: Diagnosis) -> str:
     parts = [
         f"{error.configuration}, mode {error.mode} at {error.frequency:.1f} Hz "
         f"(measured {percent(abs(off[i]))} {'higher' if off[i] > 0 else 'lower'})"
-        for i, error in ((int(i), diagnosis.errors[int(i)]) for i in np.argsort(-np.abs(off))[:LISTED])
+        for i, error in ((int(i), diagnosis.errors[int(i)]) for i in np.argsort(-np.abs(off))[:MOST_LISTED])
     ]
     start = "With it the model still" if diagnosis.set else "The model"
     return f"{start} misses these frequencies most: {'; '.join(parts)}."

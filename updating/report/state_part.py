@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 
 from ema import Change, change_csv, change_sentence
-from ema.modal.change import KINDS, STATED_FREEDOM
 from ema.plot import palette
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
@@ -37,7 +35,8 @@ from updating.report.part import (
     svg,
 )
 from updating.report.results import Tested
-from updating.results.text import Table, uncertain
+from updating.results.campaign import change_table, half_intervals
+from updating.results.text import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,39 +50,6 @@ def state_section(change: Change) -> Section:
         text=(f"{change_sentence(change)}.",),
         blocks=(change_table(change), *pictures),
     )
-
-
-def change_table(change: Change) -> Table:
-    """List the modes of both states side by side."""
-    f_half, d_half = half_intervals(change)
-    angle = np.where(np.isnan(change.angle), "", [f"{a:.1f}" for a in np.rad2deg(change.angle)])
-    return Table(
-        title="Modes of the reference and of the changed state",
-        header=(
-            "mode", "f reference [Hz]", "f [Hz]", "shift of f [%]", "damping reference [%]", "damping [%]",
-            "shift of damping [%]", "MAC", "angle of shapes [°]", "changed",
-        ),
-        rows=tuple(
-            (
-                str(change.reference_mode[r] + 1), f"{change.reference_frequency[r]:.2f}", f"{change.frequency[r]:.2f}",
-                uncertain(100 * np.expm1(change.frequency_shift[r]), 100 * f_half[r]),
-                f"{100 * change.reference_damping[r]:.3g}", f"{100 * change.damping[r]:.3g}",
-                uncertain(100 * np.expm1(change.damping_shift[r]), 100 * d_half[r]),
-                f"{change.mac[r]:.3f}", str(angle[r]),
-                ", ".join(name for name, changed in zip(KINDS, change.which[r], strict=True) if changed),
-            )
-            for r in range(change.mode.size)
-        ),
-        note="± is half of the interval in which the shift of one mode of an unchanged structure lies in 95 of 100 "
-        "cases, by what assemblies scatter and what noise leaves. Changed: what all tests together call changed, with "
-        f"at most {100 * change.level:g} % false alarms.",
-    )  # fmt: skip
-
-
-def half_intervals(change: Change) -> tuple[Reals, Reals]:
-    """Return half of the 95 % intervals of the shifts of an unchanged structure, frequency and damping, (n_mode,)."""
-    factor = -scipy.special.stdtrit(STATED_FREEDOM + change.freedom, 0.025)
-    return factor * change.frequency_scatter, factor * change.damping_scatter
 
 
 def shift_picture(change: Change) -> Picture:

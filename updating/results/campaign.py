@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from ema import Campaign, Change, change, change_csv, compare, content_digests, contradicted, shared_functions
 from ema.campaign.campaign_file import repeats_of
@@ -16,12 +17,14 @@ from ema.identification.amplitude import (
     at_resonance,
     identify_force_levels,
 )
+from ema.modal.change import KINDS, STATED_FREEDOM
 from ema.quality.linearity import NOT_LINEAR
 from ema.types.errors import IdentificationError
 from ema.types.modal_model import ModalModel
 from lamella_shared import Reals
 from updating.results.identified import BY_HAND, MEASUREMENT, Assignment, Identified, made_from
 from updating.results.store import read_current, read_frf, read_result, write_bytes, write_result
+from updating.results.text import Table, uncertain
 
 AMPLITUDE = "amplitude.json"
 """File of modes over amplitude, in the folder of a configuration."""
@@ -233,3 +236,36 @@ def compared(campaign: Campaign, results: Sequence[Identified]) -> tuple[tuple[C
         write_bytes(folder / "change.csv", change_csv(difference).encode())
         changes.append(difference)
     return tuple(changes), tuple(lost)
+
+
+def change_table(change: Change) -> Table:
+    """List the modes of both states side by side."""
+    f_half, d_half = half_intervals(change)
+    angle = np.where(np.isnan(change.angle), "", [f"{a:.1f}" for a in np.rad2deg(change.angle)])
+    return Table(
+        title=f"{change.name} against {', '.join(change.reference)}",
+        header=(
+            "mode", "f reference [Hz]", "f [Hz]", "shift of f [%]", "damping reference [%]", "damping [%]",
+            "shift of damping [%]", "MAC", "angle of shapes [°]", "changed",
+        ),
+        rows=tuple(
+            (
+                str(change.reference_mode[r] + 1), f"{change.reference_frequency[r]:.2f}", f"{change.frequency[r]:.2f}",
+                uncertain(100 * np.expm1(change.frequency_shift[r]), 100 * f_half[r]),
+                f"{100 * change.reference_damping[r]:.3g}", f"{100 * change.damping[r]:.3g}",
+                uncertain(100 * np.expm1(change.damping_shift[r]), 100 * d_half[r]),
+                f"{change.mac[r]:.3f}", str(angle[r]),
+                ", ".join(name for name, changed in zip(KINDS, change.which[r], strict=True) if changed),
+            )
+            for r in range(change.mode.size)
+        ),
+        note="± is half of the interval in which the shift of one mode of an unchanged structure lies in 95 of 100 "
+        "cases, by what assemblies scatter and what noise leaves. Changed: what all tests together call changed, with "
+        f"at most {100 * change.level:g} % false alarms.",
+    )  # fmt: skip
+
+
+def half_intervals(change: Change) -> tuple[Reals, Reals]:
+    """Return half of the 95 % intervals of the shifts of an unchanged structure, frequency and damping, (n_mode,)."""
+    factor = -scipy.special.stdtrit(STATED_FREEDOM + change.freedom, 0.025)
+    return factor * change.frequency_scatter, factor * change.damping_scatter

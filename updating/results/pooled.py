@@ -10,7 +10,7 @@ import numpy as np
 
 from updating.fitting.fit import ParameterEstimate
 from updating.inference.levels import NAMED
-from updating.results.text import LISTED, in_percent, interval_text, percent
+from updating.results.text import MOST_LISTED, in_percent, interval_text, percent
 
 LevelKind = Literal["rig", "group", "specimen"]
 
@@ -247,13 +247,13 @@ def sentences(diagnosis: PooledDiagnosis) -> tuple[str, ...]:
     """Write the verdict, the level of each effect, which specimens are odd, and what groups change."""
     text = [_verdict(diagnosis)]
     text += _likelier(diagnosis)
-    text += [f"Without it, in the mean of all specimens, {finding}" for finding in diagnosis.relieved[:LISTED]]
+    text += [f"Without it, in the mean of all specimens, {finding}" for finding in diagnosis.relieved[:MOST_LISTED]]
     if diagnosis.left > 1:
         text.append(_cannot_tell(diagnosis))
     text.append(_odd(diagnosis))
     text += _groups(diagnosis.contrasts)
     text.append(_scatter(diagnosis))
-    text += [f"Beware: in the mean of all specimens, {finding}" for finding in diagnosis.pulled[:LISTED]]
+    text += [f"Beware: in the mean of all specimens, {finding}" for finding in diagnosis.pulled[:MOST_LISTED]]
     if diagnosis.not_visible:
         text.append(
             "Too weak to show in these data at any plausible strength, were they the rig's: "
@@ -347,7 +347,7 @@ def _change(name: str, base: PooledRanked, best: PooledRanked) -> str:
 
 
 def _values(part: Part) -> str:
-    values = ", ".join(map(interval_text, part.parameter[:LISTED]))
+    values = ", ".join(map(interval_text, part.parameter[:MOST_LISTED]))
     return f": {values}" if values else ""
 
 
@@ -356,8 +356,8 @@ def _cannot_tell(diagnosis: PooledDiagnosis) -> str:
     best, others = diagnosis.ranking[0], diagnosis.ranking[1 : diagnosis.left]
     what = "whose the effect is" if all(_effects(o) == _effects(best) for o in others) else "which effect it is"
     common = [part for part in best.parts if all(any(_is_same(part, other) for other in o.parts) for o in others)]
-    listed = "; or ".join(_beside(common, explanation) for explanation in others[:LISTED])
-    more = f"; or {len(others) - LISTED} more" if len(others) > LISTED else ""
+    listed = "; or ".join(_beside(common, explanation) for explanation in others[:MOST_LISTED])
+    more = f"; or {len(others) - MOST_LISTED} more" if len(others) > MOST_LISTED else ""
     where = f"beside {' and '.join(map(_named, common))} " if common else ""
     return f"These data cannot tell {what}: {where}it may as well be {listed}{more}."
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # the identification begins without the model
 
 Z95 = 1.96
 """Standard deviations to either side that hold 95 % of a normal distribution."""
-LISTED = 3
+MOST_LISTED = 3
 """Explanations, or whatever else there may be many of, that a sentence names."""
 _PREFIXED = {"kg": (("g", 1e-3), ("kg", 1.0)), "m": (("mm", 1e-3),)}
 """Units that are read in others, with the size of these in SI."""

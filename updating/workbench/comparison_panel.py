@@ -22,7 +22,6 @@ from updating.report.modes_part import mac_chart, shape_numbers
 from updating.report.part import Chart, axis
 from updating.report.results import Tested
 from updating.report.state_part import (
-    change_table,
     common_lines,
     error_map,
     location_text,
@@ -31,6 +30,7 @@ from updating.report.state_part import (
     most_likely_kind,
     shift_chart,
 )
+from updating.results.campaign import change_table
 from updating.results.text import Z95
 from updating.workbench.opened import Opened, cells, empty, figure, moving_page, moving_shapes, plot, table
 
