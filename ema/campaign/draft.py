@@ -114,6 +114,8 @@ def draft(folder: Path) -> Draft:
     if not configurations:
         beside = [file.name for place in places for file in sorted(place.iterdir()) if _is_beside(file)]
         left_out += [f"{', '.join(beside[:4])}: not looked into"] if beside else []
+        if not left_out and (points := _points(folder, {})) is not None:
+            left_out.append(f"{points.file.name}: lists points alone; put the files of the functions beside it")
         said = f" ({'; '.join(_shortened(left_out))})" if left_out else ""
         raise CampaignError(
             f"{folder}: no file in it looks like a measurement{said}; looked for universal files, MATLAB, HDF5, "

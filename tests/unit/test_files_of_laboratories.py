@@ -575,3 +575,11 @@ def test_functions_of_finer_lines_are_used_on_the_lines_that_all_have(tmp_path):
     assert measured.frf.input.name(0) == "3+z"
     np.testing.assert_allclose(measured.frf.value[1, 0].imag, 9.80665 * np.sin(np.arange(201.0) / 30.0), atol=1e-9)
     assert any("of 1 functions, such as" in note and "1 Hz apart" in note for note in measured.notes)
+
+
+def test_points_without_functions_are_said_to_be_points(tmp_path):
+    (tmp_path / "geometry.unv").write_bytes(POINTS_OF_INCHES)
+    with pytest.raises(
+        CampaignError, match=r"geometry\.unv: lists points alone; put the files of the functions beside"
+    ):
+        draft(tmp_path)
