@@ -433,7 +433,7 @@ def pressure_change(
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
-    """A size of a field that is known to some octaves: fields of sizes on an even grid of these are mixed.
+    """A size of a field that is known to some octaves: between fields on an even grid of these is interpolated.
 
     What a joint has lost or gained has the shape of no formula. With a size that is free a bell comes near what falls
     in steps, whose other half a second effect would take else.
@@ -457,7 +457,7 @@ class Size:
 
     @property
     def fields(self) -> list[tuple[float, Callable[[Theta], Any]]]:
-        """The sizes of the grid, and the share that each has in the mixture."""
+        """The sizes of the grid, and the share that each has in the field."""
         grid = np.linspace(*self.octaves, self.n)
         share = partial(_of_size, name=self.name, usual=self.usual, octaves=self.octaves, n=self.n)
         return [(self.usual * 2.0**octave, partial(share, i=i)) for i, octave in enumerate(grid.tolist())]
@@ -479,7 +479,7 @@ class Size:
 
 
 def _of_size(t: Theta, name: str, usual: float, octaves: tuple[float, float], n: int, i: int) -> Any:
-    return shared_among(np.log2(t[name] / usual), n, *octaves)[i]
+    return _interpolated(np.log2(t[name] / usual), n, *octaves)[i]
 
 
 def _value(t: Theta, name: str) -> Any:
@@ -488,6 +488,13 @@ def _value(t: Theta, name: str) -> Any:
 
 def _share_of(t: Theta, of: Callable[[Theta], Any], share: Callable[[Theta], Any]) -> Any:
     return of(t) * share(t)
+
+
+@lru_cache(maxsize=128)
+def _interpolated(position: complex, n: int, first: float, last: float) -> tuple[Any, ...]:
+    """Return shares as `shared_among` has them, but at a place of the grid 1 of that place and 0 of the others."""
+    at_places = [shared_among(place, n, first, last) for place in np.linspace(first, last, n).tolist()]
+    return tuple(np.array(shared_among(position, n, first, last)) @ np.linalg.inv(at_places))
 
 
 @lru_cache(maxsize=128)
