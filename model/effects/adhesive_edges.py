@@ -1,7 +1,7 @@
 """Adhesive at the edges: glue that crept between the laminas along both long edges.
 
 Enters: shear modulus times thickness share that fades from both edges over a strip; affine in the modulus. Strips of
-    four widths are interpolated (quadratic splines over their logarithm).
+    four widths are interpolated (quadratic splines).
 Range: 0 to 5e8 Pa of effective modulus: epoxy of 1 GPa filling up to half of the strip; strips of a fortieth to a
     fifth of the width.
 Does: raises T1 by 8 %, B1 and B2 by 4 % and T2 by 2 % at low torque, half of it at twice the pressure. (Demo

@@ -1,7 +1,7 @@
 """Lost contact at the ends: pressure fades towards both ends of the stack.
 
 Enters: pressure p (1 + a f(x, y)), f falls with a power of the distance from the middle, less its mean. Stiffness is
-    affine in a, damping a polynomial of it. Between four powers is interpolated (quadratic splines over their logarithm).
+    affine in a, damping a polynomial of it. Between four powers the field is interpolated (quadratic splines).
 Range: a from 0 to 0.95 of the pressure lost at the ends; powers from 1, an even fall, to 8, a loss at the last tenth.
 Does: raises T1, B1 and B2 by 2 to 3 %, for the force kept presses the middle more, and lowers T2 by 1 to 3 %.
     (Demo stack, nominal strength.)

@@ -1,8 +1,8 @@
 """Lost contact in the middle: laminas do not touch in the middle of the stack.
 
 Enters: pressure p (1 + a f(x, y)), f a bell of standard deviation w about x = 0, turned down, less its mean. Stiffness
-    is affine in a, damping a polynomial of it. Between bells of six widths is interpolated (quadratic splines over log w), within
-    0.4 % of one bell, 2 % near the ends.
+    is affine in a, damping a polynomial of it. Between bells of six widths the field is interpolated (quadratic splines
+    over log w), within 0.4 % of one bell, 2 % near the ends.
 Range: a from 0 to 0.95 of the pressure lost in the middle, w from a seventeenth to a third of the length.
 Does: lowers B2 by 12 %, B1 by 4 % and T1 by 3 %, and leaves T2 or raises it by 1 %. Nearly the same between
     torques. (Demo stack, nominal strength.)

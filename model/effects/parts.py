@@ -433,7 +433,7 @@ def pressure_change(
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
-    """A size of a field that is known to some octaves: between fields on an even grid of these is interpolated.
+    """A size of a field that is known to some octaves: fields are interpolated on an even grid of these.
 
     What a joint has lost or gained has the shape of no formula. With a size that is free a bell comes near what falls
     in steps, whose other half a second effect would take else.
