@@ -79,8 +79,9 @@ def test_its_size_is_that_of_the_pressure_that_is_lost(reported):
     share = TRUTH["plan"]["planted"]["lost_contact_middle"]["loss"]
     bell = np.mean(np.exp(-18.0 * np.linspace(-0.5, 0.5, 10_001) ** 2))
     lost = 1.0 - (1.0 - share) / (1.0 - share * bell)
-    (one,) = read_result(reported[1] / "diagnosis.json", Diagnosis).ranked(("lost_contact_middle",)).parameter
-    assert one.value == pytest.approx(lost, rel=0.03)
+    loss, width = read_result(reported[1] / "diagnosis.json", Diagnosis).ranked(("lost_contact_middle",)).parameter
+    assert loss.value == pytest.approx(lost, rel=0.03)
+    assert width.value == pytest.approx(1.0 / 6.0, rel=0.05)  # a mesh of half as many elements
 
 
 def test_it_is_told_in_four_steps_with_a_report(reported):
