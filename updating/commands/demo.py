@@ -82,8 +82,8 @@ def demo_command(output: Path) -> None:
     OUT.print(_mode_by_mode(answer))
     OUT.print(f"Report: {make_report(output)}")
     OUT.print(
-        f"Step by step: lamella fit {campaign} -o {output}, then lamella diagnose with the same words; it ends with "
-        "the command that adds what was identified."
+        f"Step by step: lamella fit {campaign} -o {output}, then lamella diagnose with the same arguments; it ends "
+        "with the command that adds what was identified."
     )
 
 
