@@ -515,8 +515,6 @@ def _bridged(value: Complexes, finite: Booleans, inside: Booleans) -> Complexes:
 
 
 Run = list[tuple[Path, tuple[MeasuredFunction, ...]]]
-SHORTEST = 0.8
-"""Share of the longest record that the shortest one has at least: a shorter one would cost the others their lines."""
 
 
 def of_common_length(groups: list[list[Run]], notes: list[str]) -> list[list[Run]]:
@@ -532,11 +530,12 @@ def of_common_length(groups: list[list[Run]], notes: list[str]) -> list[list[Run
     Returns
     -------
     groups
-        As they are where all have the same length, or the shortest has less than `SHORTEST` of the longest.
+        As they are where all have the same length, or the shortest is far shorter than the longest.
     """
+    least_share = 0.8  # of the longest record: a shorter one would cost the others their lines
     sizes = [f.abscissa.size for runs in groups for run in runs for _, channels in run for f in channels]
     shortest, longest = min(sizes, default=0), max(sizes, default=0)
-    if shortest == longest or shortest < SHORTEST * longest:
+    if shortest == longest or shortest < least_share * longest:
         return groups
     notes.append(
         f"the records hold {shortest} to {longest} samples; all are cut to {shortest}, so that their functions have "

@@ -35,8 +35,6 @@ from ema.identification.mode_columns import mode_basis, mode_derivatives, residu
 from ema.types.frf import Quantity
 from lamella_shared import Complexes, Reals
 
-TOLERANCE = 1e-3
-"""Steps end when one gains less log-likelihood: a few % of the standard deviation of a pole."""
 NO_POLE = np.empty(0, dtype=complex)
 
 
@@ -228,7 +226,7 @@ def refine(
     weight: Reals | None = None,
     *,
     held: Complexes = NO_POLE,
-    tolerance: float = TOLERANCE,
+    tolerance: float = 1e-3,
     max_step: int = 60,
 ) -> Fit:
     """Refine poles to the maximum of the likelihood and return the fit with its covariance.
@@ -249,7 +247,8 @@ def refine(
     held : (n_held,) complex, optional
         Poles that stay where they are; in the fit they come last.
     tolerance : float
-        Gain of log-likelihood below which steps end.
+        Gain of log-likelihood below which steps end: by default that of a few % of the standard deviation
+        of a pole.
     max_step : int
         Most steps.
     """

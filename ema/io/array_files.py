@@ -27,10 +27,6 @@ from numpy.typing import NDArray
 from ema.io.measured_function import si_label
 from ema.types.errors import MeasurementError
 
-_NUMBERS = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))
-_TEXT = frozenset((16, 17, 18))
-_NUMERIC_CLASSES = range(6, 16)
-
 
 def check_elements(path: Path, *, header: int = 128) -> None:
     """Walk through all elements that are not compressed; those carry a checksum.
@@ -67,6 +63,9 @@ def _check(
 
     `deepest`: structures in structures.
     """
+    numbers = frozenset((1, 2, 3, 4, 5, 6, 7, 9, 12, 13))
+    text = frozenset((16, 17, 18))
+    numeric_classes = range(6, 16)
     numeric = False
     first = True
     while position + 8 <= end:
@@ -79,11 +78,11 @@ def _check(
             stop = position + 8
         else:
             stop = start + size + (-size % 8 if kind != compressed else 0)
-        expected = {matrix, compressed} if depth == 0 else _NUMBERS if numeric else _NUMBERS | _TEXT | {matrix}
+        expected = {matrix, compressed} if depth == 0 else numbers if numeric else numbers | text | {matrix}
         if kind not in expected or start + size > end or depth > deepest:
             raise ValueError(f"the element at byte {position} has type {kind} and {size} bytes, which cannot be")
         if depth > 0 and first and len(tag) > 8:  # the flags of a matrix, whose lowest byte is its class
-            numeric = struct.unpack(f"{order}I", tag[8:12])[0] & 0xFF in _NUMERIC_CLASSES
+            numeric = struct.unpack(f"{order}I", tag[8:12])[0] & 0xFF in numeric_classes
         if kind == matrix and size:
             _check(file, start, start + size, order, depth + 1)
         position, first = stop, False

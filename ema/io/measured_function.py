@@ -276,12 +276,6 @@ _FRF: dict[tuple[int, int, int], Quantity] = {
 }
 
 
-_OF_SI = {
-    (1, 0, -1): "m/N", (1, -1, -1): "m/s/N", (1, -2, -1): "m/s2/N",
-    (1, 0, 0): "m", (1, -1, 0): "m/s", (1, -2, 0): "m/s2", (0, 0, 1): "N",
-}  # fmt: skip
-
-
 @dataclass(frozen=True, kw_only=True)
 class Unit:
     """A unit as a factor into SI and its exponents of length, time and force.
@@ -345,11 +339,15 @@ def parse_unit(label: str) -> Unit:
 
 def si_label(label: str) -> str:
     """Return the unit of SI of what a unit label measures, such as ``m/s2/N`` of ``g/N``; itself where it is none."""
+    of_si = {
+        (1, 0, -1): "m/N", (1, -1, -1): "m/s/N", (1, -2, -1): "m/s2/N",
+        (1, 0, 0): "m", (1, -1, 0): "m/s", (1, -2, 0): "m/s2", (0, 0, 1): "N",
+    }  # fmt: skip
     try:
         unit = parse_unit(label)
     except MeasurementError:
         return label
-    return _OF_SI.get(unit.dimension, label) if unit.volt == 0 else label
+    return of_si.get(unit.dimension, label) if unit.volt == 0 else label
 
 
 def _product(text: str, position: int, label: str) -> tuple[float, _Exponents, int]:

@@ -25,7 +25,6 @@ _FUNCTIONS = ("58", "58b")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][+-]?\d+)?")
 _HERTZ = re.compile(rf"({_NUMBER.pattern})\s*Hz", re.IGNORECASE)
 _NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND = 2, 3, 7
-_ANALYSES = {0: "unknown", 1: "static", 4: "transient", 5: "frequency response", 6: "buckling"}
 _DISPLACEMENT = 8
 
 
@@ -127,8 +126,9 @@ def _upper_half(heads: _Heads) -> _Heads:
 
 def _mode(data_set: DataSet, head: _Header, geometry: Geometry, mass: float, notes: list[str]) -> FoundModes | None:
     """Return the mode of a data set; None where it is none."""
+    analyses = {0: "unknown", 1: "static", 4: "transient", 5: "frequency response", 6: "buckling"}
     if head.analysis not in (_NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND):
-        what = _ANALYSES.get(head.analysis, f"analysis type {head.analysis}")
+        what = analyses.get(head.analysis, f"analysis type {head.analysis}")
         notes.append(f"{data_set.where}: holds no mode ({what}); left out")
         return None
     if head.n_value not in (3, 6):

@@ -21,7 +21,6 @@ from lamella_shared import plain_bytes
 FUNCTION_FIELDS = frozenset(("abscissa", "ordinate", "coordinate"))
 """Fields of such an array; `coordinate` has `node` and `direction`, of the response and of the force."""
 _TYPE = "function_type"  # number beside the array, as in universal files
-_LARGEST_BYTES = 16 * LARGEST
 
 
 def holds_data_arrays(path: Path) -> bool:
@@ -83,10 +82,11 @@ def _headers(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
 
 def _arrays(path: Path) -> list[tuple[str, tuple[NDArray[Any], int | None]]]:
     """Return the arrays of functions, each with the number of its type, if the file holds one."""
+    largest_bytes = 16 * LARGEST
     headers = _headers(path)
     shapes = {name: shape for name, (shape, dtype) in headers.items() if _is_data(dtype)}
     for name, shape in shapes.items():
-        if prod(shape) * headers[name][1].itemsize > _LARGEST_BYTES:
+        if prod(shape) * headers[name][1].itemsize > largest_bytes:
             raise MeasurementError(f"{path}: variable {name!r}: holds {shape} functions, more than can be read")
     with path.open("rb") as file:
         loaded = np.load(file, allow_pickle=False)

@@ -116,24 +116,21 @@ def _compared(comparison: Comparison, group: Integers) -> Repeats:
     )
 
 
-_KNOWN = {9.80665: "g for m/s²", 4.448222: "N for lbf", 1000.0: "a prefix, as in mm", 2.0 * np.pi: "rad/s for Hz"}
-"""Ratios of units that are taken for each other."""
-
-
 def factor_text(factor: float, *, near: float = 0.15) -> str:
     """Return a factor as text, with the units that it is the ratio of, such as ``9.7 times (g for m/s²)``.
 
     `near`: difference of the logarithms.
     """
+    # Ratios of units that are taken for each other.
+    known = {9.80665: "g for m/s²", 4.448222: "N for lbf", 1000.0: "a prefix, as in mm", 2.0 * np.pi: "rad/s for Hz"}
     said = f"{factor:.3g} times"
-    for ratio, what in _KNOWN.items():
+    for ratio, what in known.items():
         if abs(abs(np.log(factor)) - np.log(ratio)) < near:
             return f"{said} ({what} would do this)"
     return said
 
 
 _MORE = 1.02  # ratio of two pressures or torques from which one is more
-_PHASE = np.pi / 4.0
 _FEWEST_PER_SENSOR = 3
 
 
@@ -227,6 +224,7 @@ def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison, *, scale
     `scale`: ratio of the functions of two configurations from which they are not of one calibration: sensors agree to
     some per cent, and shapes of unit modal mass hardly change with the contact.
     """
+    turned = np.pi / 4.0
     for k in range(1, len(models)):
         ratio = _ratios(models[0], models[k], comparison.frequency[[0, k]])
         if not ratio.size:
@@ -238,12 +236,12 @@ def _out_of_scale(models: Sequence[ModalModel], comparison: Comparison, *, scale
                 f"all functions of {name} are {factor_text(size)} as large as those of {first} ({ratio.size} modes in "
                 "common), though the structure is the same: units or calibration differ"
             )
-        if abs(phase) > np.pi - _PHASE:
+        if abs(phase) > np.pi - turned:
             yield (
                 f"all functions of {name} have the opposite sign to those of {first}: the force or all sensors "
                 "were turned, or their directions are stated the other way round"
             )
-        elif abs(phase) > _PHASE:
+        elif abs(phase) > turned:
             yield (
                 f"all functions of {name} are turned by {np.degrees(phase):.0f} degrees against those of {first}: "
                 "one holds another quantity than stated (velocity for acceleration turns by 90 degrees)"

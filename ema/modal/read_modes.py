@@ -25,8 +25,6 @@ USUAL = ModesStd(frequency=1e-3, damping=0.1, shape=0.01)
 uncertainty law of ambient tests (Mech. Syst. Signal Process. 48, 2014, pp. 15-33) the variance of a frequency is
 damping / (2 pi N) of its square and that of a damping ratio 1 / (2 pi N damping): over N = 1000 to 3000 periods, at a
 damping ratio of 0.5 %, 0.05 to 0.1 % and 10 to 20 %. 1 % of a shape is what the calibration of sensors leaves."""
-UNSTATED_DAMPING = 1e-2
-"""Damping ratio that stands where none is stated."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -207,6 +205,8 @@ def completed(modes: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> Foun
     unknown : float
         Relative standard deviation of what was not measured.
     """
+    # Damping ratio that stands where none is stated.
+    unstated = 1e-2
     order = np.argsort(modes.frequency)
     relative = {
         key: getattr(std, key) if getattr(std, key) is not None else getattr(USUAL, key)
@@ -214,7 +214,7 @@ def completed(modes: FoundModes, std: ModesStd, *, unknown: float = 1e3) -> Foun
     }
     frequency, damping = modes.frequency[order], modes.damping[order]
     known = ~np.isnan(damping)
-    damping = np.where(known, damping, UNSTATED_DAMPING)
+    damping = np.where(known, damping, unstated)
     stated = [std_of[order] for std_of in (modes.frequency_std, modes.damping_std, modes.shape_std)]
     usual = np.where(known, relative["damping"], unknown) * damping
     return replace(

@@ -143,8 +143,6 @@ def _even_at_the_start(frf: FRF, *, loud: float = 10.0) -> bool:
 
 MIN_LINES = 4.0
 """Fewer lines in a half-power bandwidth do not show a resonance well."""
-CLEAR = 10.0
-"""Prominence of a clear resonance over the valleys beside it, dB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +187,7 @@ def summed_power(frf: FRF, channels: Integers) -> Reals:
     return total
 
 
-def peaks(frf: FRF, channels: Integers, prominence: float = CLEAR, *, narrow_over_noise: float = 50.0) -> list[Peak]:
+def peaks(frf: FRF, channels: Integers, prominence: float = 10.0, *, narrow_over_noise: float = 50.0) -> list[Peak]:
     """Return the resonances of the summed power that stand out by `prominence` (dB), with half-power bandwidths.
 
     A peak of few lines is measured by the parabola that the inverse power of a resonance is, and believed

@@ -24,8 +24,6 @@ LINES_OF_A_FUNCTION = 64
 """Fewer lines do not tell noise from a function."""
 _APART = (8, 13)
 """Lines, of which noise shares nothing even where a window has smeared it over its neighbours."""
-_NOISE, _MOST = 3.5, 0.45
-"""Steadiness over one over the square root of the lines that noise stays below, even smeared by a window; the most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +46,14 @@ def formless(frf: FRF, channels: Integers, *, flat: float = 3.0, not_flat: float
     flat, not_flat : float
         Range of levels, dB, of an output without a resonance, and of the usual one beside which it is reported.
     """
+    # Noise is less steady than this over the root of the lines, even smeared by a window; and the most of that limit.
+    steadiest, most = 3.5, 0.45
     # Steadiness that some output must have before another is called one of noise; of measured sets it is 0.58 or more.
     least_steady = 0.5
     if frf.frequency.size < LINES_OF_A_FUNCTION or not channels.size:
         return
     steady, levels = steadiness(frf, channels), span(frf, channels)
-    noise = min(_NOISE / np.sqrt(_lines(frf) - max(_APART)), _MOST)
+    noise = min(steadiest / np.sqrt(_lines(frf) - max(_APART)), most)
     if np.all(steady < noise):
         message = (
             f"no function has a phase that stays from line to line (steadiness {steady.max():.2f} at most, that of "
@@ -180,11 +180,6 @@ def channel_label(frf: FRF, channel: int) -> str:
     return f"{frf.output.name(channel)} (run {frf.run[channel] + 1}, {frf.source[channel]})"
 
 
-_WITHIN, _BETWEEN = 0.6, 0.35
-"""Share of peaks that runs of one state have in common at least, and runs of two states at most, in the mean. Runs
-miss a peak where all their sensors are at a node; runs of other states meet a few by chance."""
-
-
 def run_states(frf: FRF, channels: Integers, *, fewest_runs: int = 4, most_of: float = 0.5) -> Iterator[Verdict]:
     """Find runs of two states among channels of one direction.
 
@@ -204,6 +199,9 @@ def run_states(frf: FRF, channels: Integers, *, fewest_runs: int = 4, most_of: f
         Share of the runs that must show as many: where bandwidths overlap, a few runs show the peaks that their
         sensors' places let stand out, and others show others.
     """
+    # Share of peaks that runs of one state have in common at least, and runs of two states at most, in the mean.
+    # Runs miss a peak where all their sensors are at a node; runs of other states meet a few by chance.
+    least_within, most_between = 0.6, 0.35
     number, resonances = _resonances(frf, channels)
     if number.size < max(fewest_runs, most_of * np.unique(frf.run[channels]).size):
         return
@@ -217,7 +215,7 @@ def run_states(frf: FRF, channels: Integers, *, fewest_runs: int = 4, most_of: f
     others = ~np.eye(len(alike), dtype=bool)
     within = min(float(alike[np.outer(part, part) & others].mean()) for part in (~of_second, of_second))
     between = float(alike[np.ix_(*parts)].mean())
-    if within < _WITHIN or between > _BETWEEN:
+    if within < least_within or between > most_between:
         return
     large, small = sorted(parts, key=lambda part: (-part.size, part[0]))
     states = " and ".join(

@@ -21,8 +21,6 @@ from model.effects.parts import again
 from model.elements.equations import Assembly, Term, Theta
 from model.stack.effect import PRESSURE_REFERENCE, Effect, Parameter
 
-_LOSS = 4.0 / (3.0 * math.pi)  # energy lost in a cycle over 2 pi times the stored, for small slip
-
 
 def _slip(t: Theta) -> Any:
     return t["slip_share"] * PRESSURE_REFERENCE / t["pressure"]
@@ -33,7 +31,8 @@ def _change(t: Theta) -> Any:
 
 
 def _loss(t: Theta) -> Any:
-    return _LOSS * _slip(t) / t["omega"]
+    loss = 4.0 / (3.0 * math.pi)  # energy lost in a cycle over 2 pi times the stored, for small slip
+    return loss * _slip(t) / t["omega"]
 
 
 def terms(assembly: Assembly) -> tuple[Term, ...]:

@@ -20,11 +20,6 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Degrees of freedom 1 to 6 of a node: displacements along the axes, rotations about them."""
 
 
-_HELD = 1e30  # Abaqus writes 1e36 on the diagonal where a displacement is prescribed
-
-_N_DOF = 8  # more than a node has, so that a label is one number
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Labelled:
     """A symmetric matrix as a file holds it, in its units.
@@ -52,7 +47,8 @@ class Labelled:
     @property
     def held(self) -> NDArray[np.bool_]:
         """Which rows, (n,), a program holds by an enormous stiffness on the diagonal."""
-        return np.asarray(self.matrix.diagonal() >= _HELD)
+        held = 1e30  # Abaqus writes 1e36 on the diagonal where a displacement is prescribed
+        return np.asarray(self.matrix.diagonal() >= held)
 
     def rows(self, kept: NDArray[np.bool_]) -> Labelled:
         """Return the matrix of some rows, (n,), and their columns."""
@@ -111,7 +107,8 @@ def name_of(node: Index, dof: Index, row: int | np.integer[Any]) -> str:
 
 def key(node: Index, dof: Index) -> Index:
     """Return labels as one number each."""
-    return np.asarray(node, dtype=np.int64) * _N_DOF + np.asarray(dof, dtype=np.int64)
+    n_dof = 8  # more than a node has, so that a label is one number
+    return np.asarray(node, dtype=np.int64) * n_dof + np.asarray(dof, dtype=np.int64)
 
 
 def labelled(source: str, label: Index, row: Index, column: Index, value: NDArray[np.float64]) -> Labelled:

@@ -22,12 +22,6 @@ from model.solvers.eigen import CholeskyFactor, NotPositiveError, lowest_modes
 
 Vectors = NDArray[np.float64]
 
-# of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
-_BEYOND = 1.5
-
-
-_ENERGY = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReducedMatrices:
@@ -210,8 +204,9 @@ def _joined(vectors: Vectors, matrix: Any) -> Vectors:
 
 def _independent(vectors: Vectors, energy: Vectors) -> Vectors:
     """Return vectors, (n, k), turned so that their energies, (k, k), are 1, without what carries too little."""
+    least = 1e-8  # of a static response or a mode's: a frequency changes by half of what is left out
     size, turn = la.eigh(_even(energy)) if energy.size else (np.zeros(0), np.zeros((0, 0)))
-    kept = size > _ENERGY
+    kept = size > least
     return np.asarray(vectors @ (turn[:, kept] / np.sqrt(size[kept])))
 
 
@@ -262,9 +257,11 @@ def _solved(factor: CholeskyFactor, load: Vectors) -> Vectors:
 
 def _modes(mass: Any, factor: CholeskyFactor, shift: float, band_Hz: float) -> tuple[Vectors, Vectors]:
     """Return mass-normalised modes up to beyond the band, (n, k), and their eigenvalues, (k,)."""
+    # of the band, up to which modes are kept: static responses stand for those above (Craig and Bampton)
+    beyond = 1.5
     tolerance = 1e-11  # relative, of eigenvalues
     first = 20  # modes that are sought first
-    limit = (_BEYOND * 2.0 * np.pi * band_Hz) ** 2
+    limit = (beyond * 2.0 * np.pi * band_Hz) ** 2
     moving = int(np.count_nonzero(mass.diagonal()))
     n, random = min(first, moving), np.random.default_rng(0)
     while True:

@@ -143,9 +143,6 @@ def observe(system: ReducedEquations, observation: Observation | Observed) -> Ob
     )
 
 
-_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
-
-
 Wanted = Callable[[Reals, Reals], NDArray[np.intp]]
 """Takes frequencies, (n,), Hz, and shapes, (n_dof, n), of elastic modes to the indices of those wanted."""
 
@@ -363,8 +360,9 @@ def full_parameters(
 
 def _rigid_limit(system: ReducedEquations, theta: Mapping[str, float], eigenvalues: Reals) -> float:
     """Return the eigenvalue, (rad/s)**2, below which all is rounding around rigid-body motion."""
+    rounding = 16.0 * np.finfo(float).eps  # of the largest eigenvalue: the same beside very stiff motion
     rigid = 1e-8  # of `shear_shift`: below it an eigenvalue is rounding around a rigid-body 0
-    return max(rigid * abs(shear_shift(system.stack, theta)), _ROUNDING * float(eigenvalues[-1]))
+    return max(rigid * abs(shear_shift(system.stack, theta)), rounding * float(eigenvalues[-1]))
 
 
 def complex_modes(

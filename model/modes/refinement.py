@@ -32,8 +32,6 @@ from model.solvers.eigen import lowest_modes, orthonormalize
 from model.solvers.low_rank import Factor
 from model.stack.stack import Stack
 
-_MAX_STEPS = 30
-
 _MIN_STEPS = 6  # with through-thickness functions, for modes that the reduced system lacks to come up
 
 
@@ -75,7 +73,7 @@ def refine(
     n_mode: int = 12,
     parameters: Mapping[str, float] | None = None,
     tolerance: float = 1e-6,
-    max_steps: int = _MAX_STEPS,
+    max_steps: int = 30,
 ) -> Refined:
     """Verify the reduced system's frequencies on the full equations, and refine them.
 
@@ -359,8 +357,6 @@ class _Rough:
 
 Basis = Literal["first", "enriched", "all laminas"]
 
-_SHARE = 0.1  # of the tolerance, that the through-thickness functions may take in the first basis
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 @arrays({"any": "error"})
@@ -425,6 +421,7 @@ def solve_verified(
     SolveError
         The modes do not converge.
     """
+    of_basis = 0.1  # of the tolerance, that the through-thickness functions may take in the first basis
     spare = 2  # modes beyond those asked for, so that none is missing among close ones
     enriched = 0.003  # of the tolerance, that the through-thickness functions may take in the enriched basis
     contact = stack.contact
@@ -434,13 +431,13 @@ def solve_verified(
         modes = solve_modes(system, G_f=contact.G_f, d_f=contact.d_f, n_mode=n_mode, observation=observation)
         return system, modes, residual_error(system, G_f=contact.G_f, n_mode=n_mode)
 
-    system, modes, error = attempt(_SHARE)
+    system, modes, error = attempt(of_basis)
     first, basis = float(error.max()), "first"
     if first > tolerance:
         system, modes, error = attempt(enriched)
         basis = "enriched"
     if error.max() > tolerance:
-        check = refine(system, G_f=contact.G_f, n_mode=n_mode, tolerance=_SHARE * tolerance)
+        check = refine(system, G_f=contact.G_f, n_mode=n_mode, tolerance=of_basis * tolerance)
         # where factors depend on frequency, the correction is that at the reference frequency
         corrected = modes.frequency * (1.0 - check.reduction_error + check.error)
         modes, basis, error = dataclasses.replace(modes, frequency=corrected), "all laminas", check.error

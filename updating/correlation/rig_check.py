@@ -30,9 +30,6 @@ _DOUBTFUL, _BETTER = 0.15, 0.25
 for the force to be said to act there."""
 _SCALE = 1.3
 """Factor from which the scale is wrong: calibration, density and the mass of clamps leave less."""
-_WRONG, _RIGHT = 0.2, 0.35
-"""Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it where one
-is corrected."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,6 +219,9 @@ def upright(checked: RigCheck) -> RigCheck:
 
 def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Reals:
     """Return the factor on each component that makes the shapes the model's: one but for a sensor that is wrong."""
+    # Mean distance of the measured modes from the model's from which sensors are doubted, and what is left of it
+    # where one is corrected.
+    wrong, right = 0.2, 0.35
     # Factors that are tried on a sensor, and 1 among them; shapes are right within a quarter
     gains = np.geomspace(1.0 / 40.0, 40.0, 19)
     # Mean distance that a corrected sensor must leave: one side turned makes torsion of bending, and a few modes of a
@@ -232,7 +232,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Reals:
     least = min(_distance(measured, sound, one, n_dof)[0] for one in modes)
     number = int(sensor.max()) + 1
     roves = number > 1 and np.bincount(sensor).min() >= fewest_points
-    if not roves or least < _WRONG or measured.frequency.size < _FEWEST_MODES:
+    if not roves or least < wrong or measured.frequency.size < _FEWEST_MODES:
         return sound
     # Of two sensors either can be corrected by the other's factor, as the size of a shape is arbitrary.
     tried = [
@@ -243,7 +243,7 @@ def _gain(measured: ModalModel, modes: Sequence[Modes], n_dof: int) -> Reals:
     ]
     distance = [min(_distance(measured, gain, one, n_dof)[0] for one in modes) for gain in tried]
     best = int(np.argmin(distance))
-    if distance[best] > min(_RIGHT * least, close):
+    if distance[best] > min(right * least, close):
         return sound
     return _refined(measured, tried[best], modes, n_dof)
 

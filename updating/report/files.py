@@ -270,9 +270,6 @@ def _table(slide: Any, table: Table, rows: Sequence[Sequence[str]]) -> None:
             cells.cell(i, k).text_frame.paragraphs[0].font.size = Pt(13)
 
 
-_STEPS = 16  # pictures of one period
-
-
 def write_gifs(results: Results) -> tuple[Path, ...]:
     """Write one period of every mode shape, measured, modelled and both, to `figures` and return the files.
 
@@ -292,12 +289,13 @@ def write_gifs(results: Results) -> tuple[Path, ...]:
 
 def shape_gif(pair: ShapePair) -> bytes:
     """Draw one period of a shape as a GIF that goes round for ever."""
+    n_picture = 16  # of one period
     dpi = 140
     pause = 60  # ms between them
     from PIL import Image
 
     pictures = []
-    for phase in 2.0 * np.pi * np.arange(_STEPS) / _STEPS:
+    for phase in 2.0 * np.pi * np.arange(n_picture) / n_picture:
         moved = replace(
             pair, measured=(pair.measured * np.exp(1j * phase)).real.astype(complex), model=pair.model * np.cos(phase)
         )

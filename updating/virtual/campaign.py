@@ -32,9 +32,6 @@ from updating.virtual.vibration_test import (
 _POWER: dict[Target, int] = {"K": 0, "C": 1, "M": 2}
 
 
-_MOST_STEPS = 40
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Dynamics:
     """Dynamic stiffness of a stack, s**2 M + s C + K, with factors that may depend on frequency.
@@ -118,6 +115,7 @@ def poles(of: Dynamics, start: Complexes, vectors: Reals) -> tuple[Complexes, Co
     SolveError
         A pole does not converge.
     """
+    most_steps = 40
     converged = 1e-11
     aside = 1e-13  # relative step aside
     rounded = 1e-6  # relative step that may be rounding beside stiff supports, if it does not fall any more
@@ -125,7 +123,7 @@ def poles(of: Dynamics, start: Complexes, vectors: Reals) -> tuple[Complexes, Co
     for r, given in enumerate(start):
         s, x = complex(given), vectors[:, r].astype(complex)
         v, last = x.conj(), np.inf  # real modes are their own left vectors
-        for _ in range(_MOST_STEPS):
+        for _ in range(most_steps):
             slope = of.slope(s)
             try:
                 u = np.linalg.solve(of.at(s), slope @ x)  # at the pole nearly singular, and meant to be

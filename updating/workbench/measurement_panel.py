@@ -24,8 +24,6 @@ from updating.workbench.opened import Opened, cells, empty, figure, plot, table
 
 TITLE, ICON = "Measurement", "mdi-access-point"
 
-_LONG, _THIN = 2.4, 0.3  # of the longest side as it is drawn, and the least of any: a beam is still seen
-
 
 def points_chart(tested: Tested, chosen: int) -> Chart:
     """Draw the measured points with their directions, the force, the lines between points and the stack.
@@ -33,6 +31,7 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
     Points with a finding and the chosen one have another colour. The last trace holds the points, in the order of
     `point_numbers`.
     """
+    long, thin = 2.4, 0.3  # of the longest side as it is drawn, and the least of any: a beam is still seen
     geometry = tested.measured.geometry
     numbers = point_numbers(tested)
     row = {int(n): 1e3 * x for n, x in zip(geometry.node, geometry.coordinate, strict=True)}
@@ -74,7 +73,7 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
     }
     corners = np.concatenate([at, *(segments.reshape(-1, 3) for segments, _, _ in wires)])
     span = np.ptp(corners, axis=0)
-    ratio = np.maximum(_LONG * span / span.max(), _THIN) if span.max() > 0.0 else np.ones(3)
+    ratio = np.maximum(long * span / span.max(), thin) if span.max() > 0.0 else np.ones(3)
     scene = {
         **axes,
         "aspectmode": "manual",
