@@ -380,22 +380,27 @@ class ModesSection(Section):
     shape_std: float | None = Field(default=None, gt=0, lt=1)
 
 
-class ConfigurationSection(Section):
-    """One state of the structure and its files."""
+class StateSection(Section):
+    """One state of a structure and the files of its functions."""
 
     name: Annotated[str, AfterValidator(_not_empty)]
-    compare_to: FileNames = ()
-    repeat_of: str | None = None
-    modes: Literal["file"] | None = None
-    stack: str | int | None = None
     torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
     pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    force_N: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     files: RecordNames = ()
     output: DofEntries = ()
     input: DofEntries = ()
     run: tuple[RunSection, ...] = ()
+
+
+class ConfigurationSection(StateSection):
+    """One configuration of a campaign."""
+
+    compare_to: FileNames = ()
+    repeat_of: str | None = None
+    modes: Literal["file"] | None = None
+    stack: str | int | None = None
+    height_mm: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    force_N: float | None = Field(default=None, gt=0, allow_inf_nan=False)
     force_level: tuple[ForceLevelSection, ...] = ()
 
     @model_validator(mode="after")
@@ -469,15 +474,20 @@ class Reassembly(Section):
     shape: float = Field(default=2e-2, gt=0, lt=1)
 
 
-class CampaignFile(Section):
-    """The whole file."""
+class CommonSections(Section):
+    """What campaigns of configurations and campaigns of specimens state alike."""
 
     campaign: TitleSection
-    structure: StructureSection = StructureSection()
-    points: PointsSection = PointsSection()
     measurement: MeasurementSection = MeasurementSection()
-    configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
-    modes: ModesSection = ModesSection()
     correction: tuple[CorrectionSection, ...] = ()
     identification: IdentificationSection = IdentificationSection()
     reassembly: Reassembly = Reassembly()
+
+
+class CampaignFile(CommonSections):
+    """The whole file."""
+
+    structure: StructureSection = StructureSection()
+    points: PointsSection = PointsSection()
+    configuration: tuple[ConfigurationSection, ...] = Field(min_length=1)
+    modes: ModesSection = ModesSection()

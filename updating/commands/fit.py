@@ -16,8 +16,8 @@ import numpy as np
 from ema import ModalModel, read_campaign
 from ema.types.arrays import single_threaded
 from ema.types.modal_model import frequency_text
-from model import Effect, Modes, Stack, catalogue, find_effects, printed_effects, read_stack
-from model.matrices.structure_file import is_structure_file
+from model import Effect, Modes, Stack, catalogue, find_effects, printed_effects, read_matrices, read_stack
+from model.matrices.structure_file import is_structure_file, matrices_inputs
 from model.stack.stack_file import stack_inputs
 from updating import commands
 from updating.commands.terminal import OUT, Run, print_lines, progress
@@ -40,7 +40,7 @@ from updating.results.identified import (
 )
 from updating.results.ledger import Entry, write_ledger
 from updating.results.store import kept
-from updating.results.text import Table, interval_text, parameter_text
+from updating.results.text import Z95, Table, interval_text, parameter_text, quantity
 from updating.workers.workers import in_parallel, workers
 
 
@@ -64,7 +64,7 @@ def fit_command(run: Run, threshold: float, effect: Sequence[str]) -> None:
             continue
         result, fitted = outcome
         done.append(result)
-        OUT.print(_table(result.modal_model, fitted))
+        OUT.print(fit_table(result.modal_model, fitted))
         print_lines(OUT, (*result.quality.findings, *fitted.findings))
         if effect:  # without, models of a campaign of any length are not held
             fits.append(outcome)
@@ -85,30 +85,45 @@ def fit_campaign(run: Run, threshold: float = LEAST_MAC) -> Iterator[tuple[Ident
     campaign = read_campaign(run.campaign)
     stack_file = model_file(campaign, "a fit")
     assigned = assignments(campaign, run.output, keep=run.keep)
-    task: Callable[[Assignment], tuple[Identified, ModelFit]]
     if is_structure_file(stack_file):
-        from updating.commands.model import identify_and_fit_matrices
+        from updating.diagnosis.matrices_answer import MatricesFit
 
-        task = partial(identify_and_fit_matrices, stack_file, threshold)
+        task = partial(
+            _identify_and_fit, MatricesFit, _fit_matrices, stack_file, matrices_inputs(stack_file), threshold
+        )
     else:
-        task = partial(_identify_and_fit, read_stack(stack_file), stack_inputs(stack_file), threshold)
+        stack = read_stack(stack_file)
+        task = partial(_identify_and_fit, Fit, _fit_stack, stack, stack_inputs(stack_file), threshold)
     yield from in_parallel(partial(attempted, task), assigned, "identify and fit", run.console, run.cluster)
 
 
 def _identify_and_fit(
-    stack: Stack, stack_files: tuple[Path, ...], threshold: float, assigned: Assignment
-) -> tuple[Identified, Fit]:
+    kind: type[ModelFit],
+    make: Callable[..., ModelFit],
+    model: Stack | Path,
+    files: tuple[Path, ...],
+    threshold: float,
+    assigned: Assignment,
+) -> tuple[Identified, ModelFit]:
+    """Identify a configuration and fit a stack, or a structure of matrices; what an earlier run left is read back."""
     result = identified(assigned)
-    inputs = (assigned.campaign.path, *stack_files, result.folder / "modal_model.json")
-    options = {"threshold": threshold}
-
-    def make() -> Fit:
-        state = stack_in_state(stack, result.configuration)
-        return fit_configuration(state, result.modal_model, threshold=threshold)
-
-    fitted = kept(result.folder / "fit.json", Fit, make, inputs=inputs, options=options, keep=assigned.keep)
-    kept(result.folder / "modes.json", Modes, lambda: fitted.modes, inputs=inputs, options=options)
+    inputs, options = (assigned.campaign.path, *files, result.folder / "modal_model.json"), {"threshold": threshold}
+    again = partial(make, model, result, threshold)
+    fitted = kept(result.folder / "fit.json", kind, again, inputs=inputs, options=options, keep=assigned.keep)
+    if isinstance(fitted, Fit):
+        kept(result.folder / "modes.json", Modes, lambda: fitted.modes, inputs=inputs, options=options)
     return result, fitted
+
+
+def _fit_stack(stack: Stack, result: Identified, threshold: float) -> Fit:
+    state = stack_in_state(stack, result.configuration)
+    return fit_configuration(state, result.modal_model, threshold=threshold)
+
+
+def _fit_matrices(file: Path, result: Identified, threshold: float) -> ModelFit:
+    from updating.diagnosis.matrices_answer import fit_matrices
+
+    return fit_matrices(read_matrices(file), result.modal_model, threshold=threshold)
 
 
 def campaign_ledger(
@@ -170,43 +185,39 @@ def _together(specimens: Sequence[Specimen], effects: Sequence[Effect], cluster:
         return joint_fit("", specimens, added, executor=executor, reduced=cached_model).ledger
 
 
-def _table(measured: ModalModel, fit: ModelFit) -> Table:
-    """Put measured beside fitted modes, of matrices or of a stack."""
+def fit_table(measured: ModalModel, fit: ModelFit) -> Table:
+    """Put measured beside fitted modes, with the parameters below; of matrices with the MAC before the fit."""
+    pairs, paired = correlate(measured, fit.modes, fit.pairing), fit.pairing.measured
+    error, of = f"mean frequency error {100 * fit.error:.2f} %", f"of {paired.size} of {measured.frequency.size}"
     if isinstance(fit, Fit):
-        return fit_table(measured, fit)
-    from updating.commands.model import matrices_fit_table
-    from updating.diagnosis.matrices_answer import MatricesFit
+        caption = [f"{parameter_text(fit.G_f)}   {parameter_text(fit.d_f)}", f"{error}, {of} measured modes"]
+        beside = {
+            "damping\nmeasured [%]": [f"{100 * xi:.3g}" for xi in pairs.measured_damping],
+            "damping\nmodel [%]": [f"{100 * xi:.3g}" for xi in pairs.model_damping],
+        }
+    else:
+        from updating.diagnosis.matrices_answer import MatricesFit
 
-    assert isinstance(fit, MatricesFit)
-    return matrices_fit_table(measured, fit)
-
-
-def fit_table(measured: ModalModel, fit: Fit) -> Table:
-    """Put measured beside fitted modes, with the parameters below."""
-    pairs = correlate(measured, fit.modes, fit.pairing)
-    caption = (
-        f"{parameter_text(fit.G_f)}   {parameter_text(fit.d_f)}\nmean frequency error {100 * fit.error:.2f} %, of "
-        f"{fit.pairing.measured.size} of {measured.frequency.size} measured modes"
-    )
-    left_over = [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]
-    if left_over:
-        caption += f"\nmeasured but not paired: {', '.join(left_over)} Hz"
-    columns = (
-        fit.pairing.measured, pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error,
-        pairs.measured_damping, pairs.model_damping, pairs.mac,
-    )  # fmt: skip
-    return Table(
-        f"{fit.name}: measured and fitted",
-        ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "damping\nmeasured [%]", "damping\nmodel [%]", "MAC"),
-        [
-            (
-                str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{100 * xi_exp:.3g}",
-                f"{100 * xi_num:.3g}", f"{mac:.4f}",
-            )
-            for mode, f_exp, f_num, error, xi_exp, xi_num, mac in zip(*columns, strict=True)
-        ],
-        caption,
-    )  # fmt: skip
+        assert isinstance(fit, MatricesFit)
+        caption = [f"{error} ({100 * fit.initial_error:.2f} % before), {of} measured modes"]
+        caption += [
+            f"{p.label} {quantity(p.value, p.unit)} ± {quantity(Z95 * p.std, p.unit, p.value)} (stated {p.stated:g})"
+            for p in fit.moved
+            if not p.name.startswith("gain")
+        ]
+        beside = {"MAC\nbefore": [f"{mac:.4f}" for mac in fit.initial_mac]}
+    if left_over := [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]:
+        caption.append(f"measured but not paired: {', '.join(left_over)} Hz")
+    columns = {
+        "mode": [str(mode + 1) for mode in paired],
+        "measured\n[Hz]": [f"{f:.2f}" for f in pairs.measured_frequency],
+        "model\n[Hz]": [f"{f:.2f}" for f in pairs.model_frequency],
+        "error\n[%]": [f"{100 * e:+.2f}" for e in pairs.frequency_error],
+        **beside,
+        "MAC": [f"{mac:.4f}" for mac in pairs.mac],
+    }
+    rows = list(zip(*columns.values(), strict=True))
+    return Table(f"{fit.name}: measured and fitted", tuple(columns), rows, "\n".join(caption))
 
 
 def ledger_table(entries: Sequence[Entry], known: Mapping[str, Effect] | None = None) -> Table:

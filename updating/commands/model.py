@@ -12,10 +12,8 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from rich.table import Table as Printed
 
-from ema import ModalModel
 from ema.plot.figures import as_png
 from ema.types.arrays import single_threaded
-from ema.types.modal_model import frequency_text
 from model import (
     Effect,
     EffectError,
@@ -39,14 +37,11 @@ from model.stack.effect import Family
 from model.stack.parts import Pressing
 from model.stack.stack_file import stack_inputs
 from updating.commands.terminal import OUT, bar, print_lines
-from updating.correlation.correlation import correlate
 from updating.correlation.shape_class import class_grid, shape_classes
-from updating.results.identified import Assignment, Identified, identified
-from updating.results.store import kept, write_bytes, write_result
-from updating.results.text import Z95, Table, quantity
+from updating.results.store import write_bytes, write_result
+from updating.results.text import Table
 
 if TYPE_CHECKING:
-    from updating.diagnosis.matrices_answer import MatricesFit
     from updating.diagnosis.signature import Signature
 
 _WIDTH = 98
@@ -181,20 +176,6 @@ def _value(effect: Effect, text: str) -> tuple[str, float]:
     return name, value
 
 
-def identify_and_fit_matrices(file: Path, threshold: float, assigned: Assignment) -> tuple[Identified, MatricesFit]:
-    """Identify a configuration and fit the stated terms of a structure to it; what an earlier run left is read back."""
-    result = identified(assigned)
-    inputs = (assigned.campaign.path, *matrices_inputs(file), result.folder / "modal_model.json")
-
-    from updating.diagnosis.matrices_answer import MatricesFit, fit_matrices
-
-    def make() -> MatricesFit:
-        return fit_matrices(read_matrices(file), result.modal_model, threshold=threshold)
-
-    path, options = result.folder / "fit.json", {"threshold": threshold}
-    return result, kept(path, MatricesFit, make, inputs=inputs, options=options, keep=assigned.keep)
-
-
 def solve_matrices(file: Path, output: Path, n_mode: int) -> Table:
     """Solve the modes of a structure, write them, say what the file and the reduction leave out, and list them.
 
@@ -228,33 +209,6 @@ def solve_matrices(file: Path, output: Path, n_mode: int) -> Table:
         f"reduced to {reduced.size}; that leaves at most {100 * reduced.left['nominal']:.2g} % of a "
         f"frequency, and {100 * max(reduced.left.values()):.2g} % one prior deviation of a term away.",
     )
-
-
-def matrices_fit_table(measured: ModalModel, fit: MatricesFit) -> Table:
-    """Put measured beside fitted modes, with the MAC before, and what was fitted below."""
-    pairs = correlate(measured, fit.modes, fit.pairing)
-    moved = [
-        f"{p.label} {quantity(p.value, p.unit)} ± {quantity(Z95 * p.std, p.unit, p.value)} (stated {p.stated:g})"
-        for p in fit.moved
-        if not p.name.startswith("gain")
-    ]
-    left_over = [frequency_text(f, 1) for f in measured.frequency[fit.pairing.unpaired_measured]]
-    caption = (
-        f"mean frequency error {100 * fit.error:.2f} % ({100 * fit.initial_error:.2f} % before), of "
-        f"{fit.pairing.measured.size} of {measured.frequency.size} measured modes\n"
-        + "\n".join(moved)
-        + (f"\nmeasured but not paired: {', '.join(left_over)} Hz" if left_over else "")
-    )
-    columns = (
-        fit.pairing.measured, pairs.measured_frequency, pairs.model_frequency, pairs.frequency_error, fit.initial_mac,
-        pairs.mac,
-    )  # fmt: skip
-    rows = [
-        (str(mode + 1), f"{f_exp:.2f}", f"{f_num:.2f}", f"{100 * error:+.2f}", f"{before:.4f}", f"{mac:.4f}")
-        for mode, f_exp, f_num, error, before, mac in zip(*columns, strict=True)
-    ]
-    header = ("mode", "measured\n[Hz]", "model\n[Hz]", "error\n[%]", "MAC\nbefore", "MAC")
-    return Table(f"{fit.name}: measured and fitted", header, rows, caption)
 
 
 @single_threaded

@@ -13,18 +13,12 @@ from ema import Campaign
 from ema.campaign.campaign import campaign_of, geometry_of
 from ema.campaign.campaign_file import (
     CampaignFile,
+    CommonSections,
     ConfigurationSection,
-    CorrectionSection,
-    DofEntries,
     DofEntry,
     FileNames,
-    IdentificationSection,
-    MeasurementSection,
     PointsSection,
-    Reassembly,
-    RecordNames,
-    RunSection,
-    TitleSection,
+    StateSection,
     reference_faults,
 )
 from ema.io.files import Section
@@ -52,16 +46,9 @@ class MaterialSection(Section):
     shear_ratio: float | None = Field(default=None, gt=0, le=1e2)
 
 
-class SpecimenConfigurationSection(Section):
+class SpecimenConfigurationSection(StateSection):
     """One state of a specimen, and where its modes come from."""
 
-    name: str
-    torque_Nm: float | None = Field(default=None, ge=0, allow_inf_nan=False)
-    pressure_kPa: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    files: RecordNames = ()
-    run: tuple[RunSection, ...] = ()
-    output: DofEntries = ()
-    input: DofEntries = ()
     modal_model: str | None = None
     modes: str | None = None
     shapes: str | None = None
@@ -69,15 +56,8 @@ class SpecimenConfigurationSection(Section):
 
     @model_validator(mode="after")
     def _one_source(self) -> SpecimenConfigurationSection:
-        given = [
-            key
-            for key, value in (
-                ("files", self.files or self.run),
-                ("modal_model", self.modal_model),
-                ("modes", self.modes),
-            )
-            if value
-        ]
+        sources = {"files": self.files or self.run, "modal_model": self.modal_model, "modes": self.modes}
+        given = [key for key, value in sources.items() if value]
         if len(given) != 1:
             raise ValueError(
                 f"configuration {self.name!r}: give one source of its modes: 'files' or [[specimen.configuration.run]] "
@@ -116,17 +96,12 @@ class RigSection(Section):
     stack: str
 
 
-class SpecimensFile(Section):
+class SpecimensFile(CommonSections):
     """The whole file."""
 
-    campaign: TitleSection
     structure: RigSection
     points: PointsSection | None = None
-    measurement: MeasurementSection = MeasurementSection()
     specimen: tuple[SpecimenSection, ...] = Field(min_length=2)
-    correction: tuple[CorrectionSection, ...] = ()
-    identification: IdentificationSection = IdentificationSection()
-    reassembly: Reassembly = Reassembly()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -272,17 +247,9 @@ def _tabled(
 def _stack(path: Path, file: Path, specimen: SpecimenSection) -> Stack:
     """Return the stack of a specimen: that of its file with the values that the specimen states."""
     stack = read_stack(file)
-    steel = {
-        name: value
-        for name, value in (
-            ("young", None if specimen.material.young_GPa is None else 1e9 * specimen.material.young_GPa),
-            ("poisson", specimen.material.poisson),
-            ("density", specimen.material.density_kg_m3),
-            ("transverse_ratio", specimen.material.transverse_ratio),
-            ("shear_ratio", specimen.material.shear_ratio),
-        )
-        if value is not None
-    }
+    in_si = {"young_GPa": ("young", 1e9), "density_kg_m3": ("density", 1.0)}
+    stated = specimen.material.model_dump(exclude_none=True)
+    steel = {name: factor * x for key, x in stated.items() for name, factor in [in_si.get(key, (key, 1.0))]}
     changes: dict[str, Any] = {"material": replace(stack.material, **steel)}
     changes |= {} if specimen.height_mm is None else {"height": 1e-3 * specimen.height_mm}
     changes |= {} if specimen.n_lamina is None else {"n_lamina": specimen.n_lamina}
@@ -296,14 +263,8 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
     """Return the campaign of the configurations that are given as FRFs."""
     sections = tuple(
         ConfigurationSection.model_construct(
-            name=full_name(specimen, c),
-            stack=specimen.name,
-            torque_Nm=c.torque_Nm,
-            pressure_kPa=c.pressure_kPa,
-            files=c.files,
-            output=c.output,
-            input=c.input,
-            run=c.run,
+            **{key: getattr(c, key) for key in StateSection.model_fields}
+            | {"name": full_name(specimen, c), "stack": specimen.name}
         )
         for specimen in content.specimen
         for c in specimen.configuration
@@ -313,19 +274,8 @@ def _measured(path: Path, content: SpecimensFile) -> Campaign | None:
         return None
     if content.points is None or content.points.file is None:
         raise FitError(f"{path}: points: this table, or file in it, is missing; FRFs need the list of measured points")
-    return campaign_of(
-        path,
-        CampaignFile.model_construct(
-            campaign=content.campaign,
-            structure=content.structure,
-            points=content.points,
-            measurement=content.measurement,
-            configuration=sections,
-            correction=content.correction,
-            identification=content.identification,
-            reassembly=content.reassembly,
-        ),
-    )
+    shared = {key: getattr(content, key) for key in (*CommonSections.model_fields, "structure", "points")}
+    return campaign_of(path, CampaignFile.model_construct(**shared, configuration=sections))
 
 
 def _require_unique(path: Path, content: SpecimensFile) -> None:
