@@ -382,11 +382,13 @@ def cut_text(
     for delimiter, decimal in ((d, p) for d in DELIMITERS for p in ".,"):
         if (delimiter, decimal) == ("comma", ",") and not quoted:
             continue
-        numbers = [numbers_of(row, delimiter, decimal) for row in rows[: most_header + looked_at]]
+        first = most_header + fewest_rows  # rows of numbers begin among these, or nowhere
+        numbers = [numbers_of(row, delimiter, decimal) for row in rows[:first]]
         for start in range(min(len(numbers), most_header)):
             width = len(numbers[start] or ())
             block = numbers[start : start + fewest_rows]
             if width > 1 and len(block) == fewest_rows and all(len(row or ()) == width for row in block):
+                numbers += [numbers_of(row, delimiter, decimal) for row in rows[first : most_header + looked_at]]
                 segments = segments_of(rows, start)
                 last = start + len(segments[0].rows)
                 value = [row for row in numbers[start:last] if row is not None and len(row) == width]

@@ -10,6 +10,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from ema.modal.mac import frac
 from tests.accessible import faults, settled, unreached
@@ -167,11 +168,13 @@ def page(demo):
 
 @pytest.fixture(scope="module")
 def small_page(small, tmp_path_factory):
-    """The report of the small campaign, whose charts have few points, of which two configurations are done."""
+    """The report of the small campaign, whose charts have few points, of two configurations; its pictures are white."""
     folder = shutil.copytree(small[0].parent, tmp_path_factory.mktemp("small_page") / "campaign")
     for name in ("C3", "C4"):
         shutil.rmtree(folder / "out" / name)
-    return written_page(folder / "out", "C1")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "draw", lambda *_: None)
+        return written_page(folder / "out", "C1")
 
 
 @needs_browser
@@ -205,7 +208,7 @@ def test_the_page_prints_as_a_pdf(page):
     assert 5 < len(re.findall(rb"/Type\s*/Page\b", printed)) < 30
 
 
-def test_only_the_sections_that_are_asked_for_are_on_the_page(demo, tmp_path, monkeypatch):
+def test_only_the_sections_that_are_asked_for_are_on_the_page(demo, tmp_path, monkeypatch, undrawn):
     folder = shutil.copytree(demo[0], tmp_path / "some", ignore=shutil.ignore_patterns("figures", "report.*"))
     monkeypatch.setattr(page_module, "configuration_section", lambda tested, _, added: modes_section(tested, added))
     text = write_report(folder, only=("answer", "Provenance")).read_text(encoding="utf-8")
@@ -283,7 +286,7 @@ def test_all_of_a_configuration_is_shown_with_both_models(small, undrawn):
     assert text.count('<div data-model="found">') == text.count('<div data-model="base">') > 3
 
 
-def test_a_model_without_the_place_of_the_force_is_not_drawn(page):
+def test_a_model_without_the_place_of_the_force_is_not_drawn(page, undrawn):
     tested = read_results(page.parent).tested[0]
     geometry = tested.measured.geometry
     known = ~np.isin(geometry.node, tested.measured.input.node)
@@ -447,7 +450,7 @@ def test_the_page_is_small_and_says_what_the_results_say(page):
     assert "Nothing to locate" in text
 
 
-def test_the_shapes_of_one_configuration_open_in_the_browser(small, tmp_path, monkeypatch):
+def test_the_shapes_of_one_configuration_open_in_the_browser(small, tmp_path, monkeypatch, undrawn):
     folder = shutil.copytree(small[1], tmp_path / "out", ignore=shutil.ignore_patterns("figures", "report.*"))
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
@@ -459,7 +462,7 @@ def test_the_shapes_of_one_configuration_open_in_the_browser(small, tmp_path, mo
         view_command(folder, "C9")
 
 
-def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tmp_path, monkeypatch):
+def test_many_configurations_have_a_page_each_to_which_their_list_leads(demo, tmp_path, monkeypatch, undrawn):
     shutil.copytree(demo[0], tmp_path / "many", ignore=shutil.ignore_patterns("figures", "report.*"))
     monkeypatch.setattr(page_module, "MOST_TOGETHER", 1)
     # without the figures, to be quick

@@ -202,6 +202,7 @@ def test_measured_beam_in_uff() -> None:
     expect(model, [52.56, 144.63, 157.47, 283.12, 468.28, 698.45, 922.04, 972.96], 1e-3)
 
 
+@pytest.mark.slow  # three other measured structures are quicker
 def test_measured_free_beam_with_roving_hammer() -> None:
     folder = measured("beam-freefree-modelab")
     value = []

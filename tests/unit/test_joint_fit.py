@@ -80,8 +80,8 @@ def one():
 
 @pytest.fixture(scope="module")
 def linear():
-    """A stack whose contact is as stiff as it is pressed, so that one effect explains all of it."""
-    return specimen(exponent=1.0)
+    """A stack whose contact is as stiff as stated, and as it is pressed, so that one effect explains all of it."""
+    return specimen(G_f=STACK.contact.G_f, exponent=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -99,11 +99,11 @@ MODELS = {}
 
 
 def reduced(stack, instruments, effects, *further):
-    """The model of a stack, made once for all tests that ask for the same."""
-    key = digest({"stack": dataclasses.replace(stack, instruments=instruments), "effects": list(effects)})
+    """The model of a stack with some of the effects: one for all tests is reduced with all of them."""
+    key = digest(dataclasses.replace(stack, instruments=instruments))
     if key not in MODELS:
-        MODELS[key] = candidate_model(stack, instruments, effects, *further)
-    return MODELS[key]
+        MODELS[key] = candidate_model(stack, instruments, EFFECTS, *further)
+    return dataclasses.replace(MODELS[key], effects={n: e for n, e in MODELS[key].effects.items() if n in effects})
 
 
 def parameter(found, name, group=""):
@@ -169,7 +169,7 @@ def test_an_effect_can_be_each_stacks_own():
 
 def test_a_prior_draws_an_estimate_and_what_is_fixed_is_no_parameter(at_one_torque, of_one):
     """What is planted is the same in both stacks."""
-    priors, fixed = {"clamp_added_mass": (0.33, 1e-4)}, {"G_f": 1200.0}
+    priors, fixed = {"clamp_added_mass": (0.33, 1e-4)}, {"G_f": STACK.contact.G_f}
     found = fitted([at_one_torque], ["clamp_mass"], priors=priors, fixed=fixed)
     assert parameter(of_one, "clamp_added_mass").value < 0.32
     assert parameter(found, "clamp_added_mass").value == pytest.approx(0.33, abs=1e-3)

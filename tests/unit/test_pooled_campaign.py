@@ -48,7 +48,7 @@ SHAPES = "node,x,y,z,mode_1_real,mode_1_imag,mode_2_real,mode_2_imag\n1,0,0,1,1,
 @pytest.fixture
 def folder(tmp_path, stack_text):
     for name, text in (
-        ("stack.toml", stack_text),
+        ("stack.toml", stack_text.replace("n_lamina = 240", "n_lamina = 20") + "[mesh]\nn_x = 4\nn_y = 2\n"),
         ("points.csv", "node,x,y,z\n1,0,0,30\n2,100,0,30\n"),
         ("modes.csv", MODES),
         ("shapes.csv", SHAPES),

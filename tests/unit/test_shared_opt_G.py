@@ -54,6 +54,7 @@ def test_planted_values_are_found_from_exact_data(fitted):
     assert not any(p.at_bound for p in fitted.parameter)
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_there_lowers_the_error_of_what_is_left_out_and_another_does_not(stacks, fitted):
     base, wrong = (fit_shared_opt_G(stacks, names) for names in ((), ("fill_factor",)))
     assert base.error() > 0.05
@@ -82,6 +83,7 @@ def test_a_mode_left_out_is_what_a_fit_without_it_predicts(stacks):
     assert {p.name: (p.lower < TRUE[p.name] < p.upper) for p in all_of_them.parameter} == dict.fromkeys(TRUE, True)
 
 
+@pytest.mark.slow
 def test_bounds_and_fixed_values_hold(stacks):
     low = fit_shared_opt_G(stacks, ["clamp_inertia"], bounds={"clamp_roll_inertia": (0.0, 0.002)}, left_out=False)
     assert low.parameter[0].at_bound
