@@ -382,7 +382,9 @@ def cut_text(
     for delimiter, decimal in ((d, p) for d in DELIMITERS for p in ".,"):
         if (delimiter, decimal) == ("comma", ",") and not quoted:
             continue
-        first = most_header + fewest_rows  # rows of numbers begin among these, or nowhere
+        separator, first = SEPARATORS[delimiter], most_header + fewest_rows  # numbers begin in these rows, or nowhere
+        if separator is not None and not any(separator in row for row in rows[:first]):
+            continue
         numbers = [numbers_of(row, delimiter, decimal) for row in rows[:first]]
         for start in range(min(len(numbers), most_header)):
             width = len(numbers[start] or ())
