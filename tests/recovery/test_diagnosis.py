@@ -1,6 +1,7 @@
 """Diagnoses of virtual tests whose hidden effect is known to the test alone."""
 
 import shutil
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import model
+from tests.studies import modal_data
 from tests.studies.blind import blind_test, candidates_of, simulated
 from updating.diagnosis.diagnosis import conclude, searched
 from updating.diagnosis.evidence import assemble_evidence
@@ -42,10 +44,19 @@ def coarse(tmp_path_factory):
     return folder / SPECIFICATION.name
 
 
+@contextmanager
+def coarse_truth():
+    """Have tests simulated on a mesh that is coarser, too, and finer than that of the model all the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(modal_data, "QUICK_MESH", model.Mesh(n_x=12, n_y=3))
+        yield
+
+
 @pytest.fixture(scope="module")
 def quick(coarse, catalogue):
     """The candidates of the coarse test; a loss factor, which moves no frequency, is left out."""
-    return candidates_of(coarse, {name: effect for name, effect in catalogue.items() if name != "contact_loss"})
+    with coarse_truth():
+        return candidates_of(coarse, {name: effect for name, effect in catalogue.items() if name != "contact_loss"})
 
 
 def diagnosed(candidates, effects, values, seed, specification=SPECIFICATION):
@@ -54,7 +65,8 @@ def diagnosed(candidates, effects, values, seed, specification=SPECIFICATION):
 
 
 def test_nothing_is_missing_where_nothing_is_hidden(quick, coarse):
-    found = diagnosed(quick, (), {}, 11, coarse)
+    with coarse_truth():
+        found = diagnosed(quick, (), {}, 11, coarse)
     assert found.verdict == "nothing missing"
     assert found.set == ()
     assert found.too_large == ()

@@ -77,7 +77,10 @@ def test_the_plates_of_both_models_agree():
         np.testing.assert_allclose(ours.frequency[n_rigid:], theirs, rtol=2e-3)
 
 
-@pytest.mark.parametrize(("supports", "edge"), [((), None), (CLAMPED, RIGID)], ids=["free", "clamped"])
+@pytest.mark.parametrize(
+    ("supports", "edge"),
+    [pytest.param((), None, id="free"), pytest.param(CLAMPED, RIGID, id="clamped", marks=pytest.mark.slow)],
+)
 def test_a_plate_that_lacks_nothing_is_said_to_lack_nothing(supports, edge):
     found = diagnosed(supports, edge)
     assert found.verdict == "nothing missing"
