@@ -249,7 +249,7 @@ def _gradients(effect: Effect, stack: Stack) -> Iterator[str]:
     gradient_error = 1e-4  # of the range's effect on the frequency; differences keep some six digits
     # Of five-point ones: stiff supports' rounding spoils narrow differences, kinks wide ones
     wide_step = 1e-3
-    system = reduce(stack.with_effects(effect), n_snapshot=2, z_tolerance=1e-3)
+    system = reduce(stack.with_effects(effect), n_snapshot=1, n_mode=n_mode, z_tolerance=1e-2)
     somewhere = Observation(node=np.zeros(1, int), location=np.zeros((1, 3)), direction=np.array([[0.0, 0.0, 1.0]]))
     observed = observe(system, somewhere)
 

@@ -39,6 +39,7 @@ def test_modes_in_the_band_of_the_study_are_those_of_lamella(pressure):
     np.testing.assert_allclose(mac, 1.0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_more_elements_change_little():
     usual, finer = (
         Layered(n_element=n).modes(dataclasses.replace(STATED, shaker=SHAKER), N_MODE).frequency[N_RIGID:]

@@ -69,6 +69,7 @@ def test_without_bending_of_the_sheets_it_is_a_little_softer():
     np.testing.assert_allclose(soft, stiff, rtol=6e-3)
 
 
+@pytest.mark.slow
 def test_higher_order_changes_little():
     coarse = usual(160e3).frequency[N_RIGID:]
     finer = Solid(order=(29, 5)).modes(bench(), 16).frequency[N_RIGID:]

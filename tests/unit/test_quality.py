@@ -284,7 +284,7 @@ def test_failed_channels_are_left_out_with_the_reason():
     assert rest.notes[0].startswith("left out: 5+z (run 3, run2.uff): dead")
 
 
-@pytest.mark.parametrize("inputs", [(1, 20, 7), (1, 20)])
+@pytest.mark.parametrize("inputs", [(1, 20, 7), pytest.param((1, 20), marks=pytest.mark.slow)])
 def test_one_function_of_several_forces_that_is_turned_is_named_and_makes_no_modes(inputs):
     """Its point contradicted all others, and the rank of the residues became that of two modes at every pole."""
     sound = bar(inputs=inputs)
