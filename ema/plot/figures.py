@@ -16,9 +16,9 @@ from ema.modal.configurations import Comparison
 from ema.modal.mac import real_shape
 from ema.plot import palette
 from ema.types.errors import IdentificationError
-from ema.types.frf import FRF, Geometry
+from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text, synthesize_runs
-from lamella_shared import Booleans, Complexes, Integers, Reals, figure_of, html_of, html_table
+from lamella_shared import Booleans, Complexes, Reals, figure_of, html_of, html_table
 
 if TYPE_CHECKING:
     import pyvista
@@ -140,7 +140,7 @@ def draw_shape(axes: Any, modal_model: ModalModel, mode: int) -> None:
     """Draw a mode shape into three-dimensional axes, over its points at rest."""
     at_rest = modal_model.geometry.coordinate
     displaced = at_rest + shape_displacement(modal_model, mode)
-    lines = trace_rows(modal_model.geometry)
+    lines = modal_model.geometry.line_rows(modal_model.geometry.node)
     for points, color in ((at_rest, palette.PALE), (displaced, palette.MEASURED)):
         axes.scatter(*points.T, color=color, s=8)
         ends = np.full((len(lines), 3, 3), np.nan)  # one path with gaps: lines may be many
@@ -150,25 +150,10 @@ def draw_shape(axes: Any, modal_model: ModalModel, mode: int) -> None:
     axes.set_title(f"{modal_model.frequency[mode]:.4g} Hz, {100.0 * modal_model.damping[mode]:.3g} %", fontsize="small")
 
 
-def trace_rows(geometry: Geometry) -> Integers:
-    """Return the rows of points, (n_line, 2), that trace lines join."""
-    index = {int(n): k for k, n in enumerate(geometry.node)}
-    return np.array([[index[int(a)], index[int(b)]] for a, b in geometry.line], dtype=np.int64).reshape(-1, 2)
-
-
 def shape_displacement(modal_model: ModalModel, mode: int) -> Reals:
-    """Displacement ``(n_node, 3)`` of the points, m, largest component a sixth of the structure's size.
-
-    A point measured in skew directions moves so as to meet them in the least-squares sense.
-    """
+    """Displacement ``(n_node, 3)`` of the points, m, largest component a sixth of the structure's size."""
     geometry = modal_model.geometry
-    component = real_shape(modal_model.shape[:, mode : mode + 1])[:, 0]
-    displacement = np.zeros_like(geometry.coordinate)
-    for k, node in enumerate(geometry.node):
-        at = modal_model.node == node
-        if at.any():
-            direction = modal_model.direction[at]
-            displacement[k] = np.linalg.pinv(direction) @ component[at]
+    displacement = geometry.displacement(modal_model, real_shape(modal_model.shape[:, mode : mode + 1])[:, 0]).real
     size = float(np.max(np.ptp(geometry.coordinate, axis=0), initial=0.0)) or 1.0
     largest = float(np.max(np.linalg.norm(displacement, axis=1), initial=0.0)) or 1.0
     return displacement * size / (6.0 * largest)
@@ -400,7 +385,7 @@ def turnable(modal_model: ModalModel, mode: int, *, off_screen: bool | None = No
     if not 0 <= mode < n:
         raise IdentificationError(f"mode = {mode}: the modes of {modal_model.name} are numbered from 0 to {n - 1}")
     moved = shape_displacement(modal_model, mode)
-    rest, line = modal_model.geometry.coordinate, trace_rows(modal_model.geometry)
+    rest, line = modal_model.geometry.coordinate, modal_model.geometry.line_rows(modal_model.geometry.node)
     cells = np.column_stack([np.full(len(line), 2), line]).ravel()
     with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
         plotter: Any = pv.Plotter(off_screen=off_screen)

@@ -173,6 +173,24 @@ class Geometry:
         x, y, z = np.sign(code) * axes[abs(code) - 1]
         return float(x), float(y), float(z)
 
+    def line_rows(self, node: Integers) -> Integers:
+        """Return the trace lines between some points as pairs of their positions in `node`, (n_line, 2)."""
+        row = {int(n): i for i, n in enumerate(node)}
+        rows = [(row[int(a)], row[int(b)]) for a, b in self.line if int(a) in row and int(b) in row]
+        return np.array(rows, dtype=np.int64).reshape(-1, 2)
+
+    def displacement(self, dofs: DofSet, value: Reals | Complexes) -> Complexes:
+        """Return the displacement (n_node, 3) of all points of which some degrees of freedom move by `value` (n_dof,).
+
+        A point measured in skew directions moves so as to meet them in the least-squares sense.
+        """
+        displacement = np.zeros(self.coordinate.shape, dtype=complex)
+        for k, node in enumerate(self.node):
+            at = dofs.node == node
+            if at.any():
+                displacement[k] = np.linalg.pinv(dofs.direction[at]) @ value[at]
+        return displacement
+
 
 class Dof(NamedTuple):
     """One degree of freedom: a point number and a unit vector in global coordinates, sign included."""

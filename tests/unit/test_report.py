@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ema import Geometry
+from ema import Dofs, Geometry
 from lamella_shared import csv_text
 from updating import StoreError
-from updating.fitting.plots import point_displacement
 from updating.report import files
 from updating.report.page import render
 from updating.report.part import Picture, Section, fewer_colours
@@ -85,7 +84,7 @@ def test_points_measured_in_skew_directions_move_as_they_were_measured():
     geometry = Geometry(node=np.array([1, 2, 3]), coordinate=np.eye(3), line=np.empty((0, 2), int))
     skew = np.array([0.6, 0.0, 0.8])
     direction = np.array([[1.0, 0.0, 0.0], skew, [0.0, 0.0, -1.0]])
-    moved = point_displacement(geometry, np.array([1, 1, 2]), direction, np.array([2.0, 3.0, 4.0j]))
+    moved = geometry.displacement(Dofs(node=[1, 1, 2], direction=direction), np.array([2.0, 3.0, 4.0j]))
     assert moved[0] @ skew == pytest.approx(3.0)
     assert moved[0, 0] == pytest.approx(2.0)
     np.testing.assert_allclose(moved[1], [0.0, 0.0, -4.0j])

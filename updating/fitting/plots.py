@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ema.plot import palette
 from ema.types.frf import Dofs, Geometry, Quantity
@@ -156,10 +155,7 @@ def _shape_pair(
     shape = _most_real(measured.shape[:, r])
     scaled = partner * float(partner @ shape.real) / float(partner @ partner)
     seen = np.isin(measured.geometry.node, measured.node)
-    moved = [
-        point_displacement(measured.geometry, measured.node, measured.direction, value)[seen].real
-        for value in (shape, scaled)
-    ]
+    moved = [measured.geometry.displacement(measured, value)[seen].real for value in (shape, scaled)]
     model = moved[1] / _largest(moved[0])
     return replace(pair, model_frequency=frequency, mac=likeness, model=model)
 
@@ -167,18 +163,14 @@ def _shape_pair(
 def lone_shape(geometry: Geometry, dofs: Dofs, shape: Complexes, frequency: float) -> ShapePair:
     """Return a measured shape (n_dof,) of a frequency (Hz) as displacements, without a model."""
     seen = np.isin(geometry.node, dofs.node)
-    row = {int(n): i for i, n in enumerate(geometry.node[seen])}
-    line = np.array(
-        [(row[int(a)], row[int(b)]) for a, b in geometry.line if int(a) in row and int(b) in row], dtype=int
-    ).reshape(-1, 2)
-    moved = point_displacement(geometry, dofs.node, dofs.direction, _most_real(shape))[seen]
+    moved = geometry.displacement(dofs, _most_real(shape))[seen]
     return ShapePair(
         measured_frequency=frequency,
         model_frequency=np.nan,
         mac=np.nan,
         node=geometry.node[seen],
         coordinate=geometry.coordinate[seen],
-        line=line,
+        line=geometry.line_rows(geometry.node[seen]),
         measured=moved / _largest(moved.real),
         model=np.zeros(moved.shape),
     )
@@ -192,16 +184,6 @@ def _most_real(shape: Complexes) -> Complexes:
 def _largest(moved: Reals) -> float:
     """Return the largest displacement of a point; 1 where none moves."""
     return float(np.max(np.linalg.norm(moved, axis=1), initial=0.0)) or 1.0
-
-
-def point_displacement(geometry: Geometry, node: Integers, direction: Reals, value: NDArray[Any]) -> Complexes:
-    """Return the displacement (n_node, 3) of all points of which some degrees of freedom move by `value` (n_dof,)."""
-    displacement = np.zeros(geometry.coordinate.shape, dtype=complex)
-    for k, point in enumerate(geometry.node):
-        at = node == point
-        if at.any():
-            displacement[k] = np.linalg.pinv(direction[at]) @ value[at]
-    return displacement
 
 
 def shape_pair_figure(pair: ShapePair, names: tuple[str, str] = ("measured", "model")) -> Figure:

@@ -36,9 +36,7 @@ def points_chart(tested: Tested, chosen: int) -> Chart:
     numbers = point_numbers(tested)
     row = {int(n): 1e3 * x for n, x in zip(geometry.node, geometry.coordinate, strict=True)}
     at = np.array([row[n] for n in numbers]).reshape(-1, 3)
-    ends = np.array([[row[int(a)], row[int(b)]] for a, b in geometry.line if int(a) in row and int(b) in row]).reshape(
-        -1, 2, 3
-    )
+    ends = 1e3 * geometry.coordinate[geometry.line_rows(geometry.node)]
     doubtful = {point for verdict in tested.quality.verdicts if verdict.level != "pass" for point in verdict.point}
     measured = tested.measured
     wires = [
