@@ -13,7 +13,7 @@ from lamella_shared import Complexes, Reals
 from model.elements.equations import OMEGA, Riding, Target, Term
 from model.modes.modes import Observation, full_parameters, observe
 from model.reduction.reduction import ReducedSystem, shifted_factor
-from model.solvers.eigen import orthonormalize
+from model.solvers.eigen import completed, orthonormalize
 from model.stack.errors import SolveError
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
@@ -96,7 +96,7 @@ def _with_attachments(
     )
     basis = np.hstack([displaced, attachment])
     reduced = {
-        target: _bordered(system.matrix(target, theta)[:n, :n], basis.T @ assembly.apply(parts, attachment))
+        target: completed(system.matrix(target, theta)[:n, :n], basis.T @ assembly.apply(parts, attachment))
         for target, parts in krons.items()
     }
     return reduced, basis
@@ -109,16 +109,6 @@ def _require_sound(quantity: str, frequency: Reals) -> None:
         raise SolveError(
             f"frequencies must be positive: a free stack has no static response; got {frequency.min():g} Hz"
         )
-
-
-def _bordered(inner: Reals, added: Reals) -> Reals:
-    """Return a symmetric matrix from its leading block and its last columns."""
-    size = inner.shape[0]
-    matrix = np.zeros((added.shape[0], added.shape[0]))
-    matrix[:size, :size] = inner
-    matrix[:, size:] = added
-    matrix[size:] = added.T
-    return matrix
 
 
 def _superposed(

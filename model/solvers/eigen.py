@@ -144,15 +144,19 @@ def _grown(projected: Reals, coupling: Reals) -> Reals:
     SolveError
         The numbers overflow.
     """
-    known, size = projected.shape[0], coupling.shape[0]
-    grown = np.zeros((size, size))
-    grown[:known, :known] = projected
-    grown[:, known:] = coupling
-    grown[known:] = coupling.T
+    grown = completed(projected, coupling)
     grown = (grown + grown.T) / 2.0
     if not np.isfinite(grown).all():
         raise SolveError("the model's numbers overflow; check the size of its stiffnesses, of contact above all")
     return grown
+
+
+def completed(inner: Reals, added: Reals) -> Reals:
+    """Return a symmetric matrix from its leading block and its last columns."""
+    known = inner.shape[0]
+    matrix = np.zeros((added.shape[0], added.shape[0]))
+    matrix[:known, :known], matrix[:, known:], matrix[known:] = inner, added, added.T
+    return matrix
 
 
 def _combined(blocks: Sequence[Block], weight: Reals) -> Reals:

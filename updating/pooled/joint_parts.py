@@ -237,14 +237,19 @@ def _effects(fitted: Fitted) -> list[_Quantity]:
     return quantities
 
 
+def _at_likeliest(fit: Explanation) -> Reals:
+    """Return the covariance of the coordinates at the likeliest size of the discrepancy."""
+    precision = np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12
+    weighed = fit.problem.weighed(fit.evidence.sizes)
+    return scaled_inverse(weighed.hessian + fit.problem.curvature + np.diag(precision))
+
+
 def _covariance(fit: Explanation) -> Reals:
     """Return the covariance of the coordinates, (n_coordinate, n_coordinate).
 
     Correlations are those at the likeliest size of the discrepancy, standard deviations those over all its sizes.
     """
-    precision = np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12
-    weighed = fit.problem.weighed(fit.evidence.sizes)
-    inverse = scaled_inverse(weighed.hessian + fit.problem.curvature + np.diag(precision))
+    inverse = _at_likeliest(fit)
     std = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
     return np.asarray(inverse / np.outer(std, std) * np.outer(fit.std, fit.std))
 
@@ -366,9 +371,7 @@ class Contacts:
     def __init__(self, model: SpecimensModel, fit: Explanation) -> None:
         assert isinstance(fit.problem, TreeProblem)
         self.model, self.fit, self.problem = model, fit, fit.problem
-        precision = np.array([c.std**-2.0 for c in fit.coordinates]) + 1e-12
-        weighed = fit.problem.weighed(fit.evidence.sizes)
-        self.covariance = scaled_inverse(weighed.hessian + fit.problem.curvature + np.diag(precision))
+        self.covariance = _at_likeliest(fit)
         self.names = [c.name for c in fit.coordinates]
         contact = model.first.stack.contact
         self.nominal = {"G_f": contact.G_f, "d_f": contact.d_f or D_F_START}
