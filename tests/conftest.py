@@ -84,7 +84,7 @@ def _leave_pictures_white(patch: pytest.MonkeyPatch) -> None:
     from matplotlib.figure import Figure
 
     patch.setattr(Figure, "draw", lambda *_: None)
-    for name in ("amplitude", "comparison", "frf", "shape", "stabilization"):
+    for name in ("amplitude", "comparison", "overlay", "shape", "stabilization"):
         patch.setattr(f"updating.commands.ema.{name}_figure", lambda *_, **__: Figure(figsize=(1, 1)))
     patch.setattr("updating.commands.ema.stabilization", lambda *_, **__: None)  # that of the picture alone
 

@@ -21,13 +21,13 @@ found.modal_model
 # Poles of all model orders were computed at once. Those that stay where they are while the order grows are candidates.
 # The identification chooses among them, refines all modes together by maximum likelihood, and says how far each number
 # can be trusted.
-from ema.plot.figures import frf_figure, stabilization_figure
+from ema.plot.figures import overlay_figure, stabilization_figure
 
 chart = stabilization_figure(ema.stabilization(found.measurement.frf))
 
 # %%
 # What it makes of the measured functions:
-over_each_other = frf_figure(found.measurement.frf, found.modal_model, n_function=2)
+over_each_other = overlay_figure(found.measurement.frf, found.modal_model)
 
 # %%
 # And its shapes. In a notebook, ``ema.turnable(found.modal_model, 1).show()`` gives one that turns.

@@ -13,7 +13,7 @@ from ema.identification.amplitude import AmplitudeDependence
 from ema.identification.doubtful_modes import Stability
 from ema.identification.stabilization import StabilizationDiagram
 from ema.modal.configurations import Comparison
-from ema.modal.mac import real_shape
+from ema.modal.mac import frac, real_shape
 from ema.plot import palette
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF
@@ -29,41 +29,118 @@ if TYPE_CHECKING:
 UNIT = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s²)"}
 
 
-def frf_figure(frf: FRF, modal_model: ModalModel, *, n_function: int = 4) -> Figure:
-    """Draw measured functions with the synthesised ones over them and the poles marked.
+def chosen_functions(measured: ModalModel) -> tuple[int, ...]:
+    """Return the outputs whose first function is matched worst, in the middle, and best, by FRAC."""
+    order = np.argsort(measured.correlation[:, 0], kind="stable")
+    picked = (order[0], order[order.size // 2], order[-1])
+    return tuple(int(k) for k in dict.fromkeys(picked))
+
+
+def overlay_figure(
+    frf: FRF, measured: ModalModel, model: Complexes | None = None, *, found: bool = False, beside: bool = False
+) -> Figure:
+    """Draw functions with the synthesised ones over them, their difference, their phase and their coherence.
+
+    Shown are the worst, the middle and the best of all by FRAC (`chosen_functions`), over the band that was
+    identified. Dashed lines mark the identified natural frequencies.
 
     Parameters
     ----------
     frf : FRF
-        Measured functions, with the model's outputs and inputs.
-    modal_model : ModalModel
-    n_function : int, default 4
-        Functions to draw, spread over the outputs; at the first input.
+        Measured functions.
+    measured : ModalModel
+        Modes identified from them.
+    model : (n_chosen, n_frequency) complex, optional
+        What a fitted model gives for the chosen functions at the lines of the band.
+    found : bool
+        Whether that is the model with what was identified, not the base model.
+    beside : bool
+        Whether functions stand beside each other, as on a slide, or under each other.
     """
     from matplotlib.figure import Figure
 
-    lines = frf.band(max(modal_model.band[0], np.finfo(float).tiny), modal_model.band[1])
-    fitted = synthesize_runs(modal_model, lines.frequency, lines.quantity, lines.run)
-    chosen = np.unique(np.linspace(0, lines.output.node.size - 1, n_function).round().astype(int))
-    figure = Figure(figsize=(7.5, 1.2 + 1.7 * chosen.size), layout="constrained")
-    rows = figure.subplots(2 * chosen.size, 1, sharex=True, height_ratios=[2, 1] * chosen.size, squeeze=False)
+    slide = (12.3, 5.9)  # in, that a slide has below its title
+
+    lines, fitted = synthesized(frf, measured)
+    chosen = chosen_functions(measured)
+    n = 2 if lines.coherence is None else 3
+    width, height = slide if beside else (7.5, 0.95 + (2.3 if n == 2 else 2.8) * len(chosen))
+    figure = Figure(figsize=(width, height))
+    outer = figure.add_gridspec(
+        *((1, len(chosen)) if beside else (len(chosen), 1)), hspace=0.17, wspace=0.25, left=0.75 / width,
+        right=1.0 - 0.2 / width, top=1.0 - (0.8 if beside else 0.5) / height, bottom=0.45 / height,
+    )  # fmt: skip
+    panels: list[Axes] = []
+    for k in range(len(chosen)):
+        inner = outer[k].subgridspec(n, 1, height_ratios=[3, 1.2, 0.9][:n], hspace=0.14)
+        panels += [figure.add_subplot(inner[i]) for i in range(n)]
     for k, o in enumerate(chosen):
-        magnitude, phase = rows[2 * k, 0], rows[2 * k + 1, 0]
-        for value, color, width in ((lines.value[o, 0], palette.MEASURED, 1.4), (fitted[o, 0], palette.MODES, 0.8)):
+        magnitude, phase = panels[n * k], panels[n * k + 1]
+        _draw_magnitude(magnitude, lines, fitted, o)
+        for value, color, size in ((lines.value[o, 0], palette.MEASURED, 1.8), (fitted[o, 0], palette.MODES, 0.8)):
             at = _thinned(np.abs(value))
-            magnitude.semilogy(lines.frequency[at], np.abs(value[at]), color=color, linewidth=width)
-            phase.plot(lines.frequency[at], np.degrees(np.angle(value[at])), ".", color=color, markersize=1.5 * width)
-        _mark_poles((magnitude, phase), modal_model.frequency)
-        magnitude.set_ylabel(UNIT[lines.quantity])
-        phase.set_ylabel("phase [°]")
-        phase.set_yticks([-180, 0, 180])
-        magnitude.set_title(
-            f"point {lines.output.node[o]} over point {lines.input.node[0]}, FRAC {modal_model.correlation[o, 0]:.4f}",
-            fontsize="small",
-            loc="left",
-        )
-    rows[-1, 0].set_xlabel("frequency [Hz]")
+            phase.plot(lines.frequency[at], _degrees(value[at]), ".", color=color, markersize=size)
+        title = f"{lines.output.name(o)} over {lines.input.name(0)}, FRAC {measured.correlation[o, 0]:.4f}"
+        if model is not None:
+            _draw_model(magnitude, phase, lines.frequency, model[k], found=found)
+            name = "model with what was identified" if found else "fitted model"
+            title += ",\n" if beside else ", "
+            title += f"of the {name} {float(frac(lines.value[o, 0], model[k])):.4f}"
+        phase.set(ylabel="phase [°]", ylim=(-200, 200), yticks=[-180, 0, 180])
+        if lines.coherence is not None:
+            panels[n * k + 2].plot(lines.frequency, lines.coherence[o, 0], color=palette.MEASURED, linewidth=0.8)
+            panels[n * k + 2].set(ylabel="coh. [1]", ylim=(0.0, 1.1), yticks=[0, 1])
+        magnitude.set_title(title, fontsize="small", loc="left")
+    lowest = panels[n - 1 :: n] if beside else panels[-1:]
+    for axes in panels:
+        axes.set_xlim(lines.frequency[0], lines.frequency[-1])
+        axes.tick_params(labelsize=8, labelbottom=axes in lowest)
+        axes.yaxis.label.set_fontsize(8)
+        for f in measured.frequency:
+            axes.axvline(f, color=palette.ACCENT, linewidth=0.7, linestyle="--")
+    for axes in panels[n:] if beside else ():
+        axes.set_ylabel("")  # as in the first column
+    figure.align_ylabels()
+    for axes in lowest:
+        axes.set_xlabel("frequency [Hz]")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=4, frameon=False, fontsize="small")
     return figure
+
+
+def synthesized(frf: FRF, measured: ModalModel) -> tuple[FRF, Complexes]:
+    """Return the functions within the identified band and those that the modes stand for there."""
+    lines = within_band(frf, measured)
+    return lines, synthesize_runs(measured, lines.frequency, lines.quantity, lines.run)
+
+
+def within_band(frf: FRF, measured: ModalModel) -> FRF:
+    """Return the functions at the lines of the band that was identified, less that at 0 Hz."""
+    return frf.band(max(measured.band[0], np.finfo(float).tiny), measured.band[1])
+
+
+def _draw_magnitude(axes: Axes, lines: FRF, fitted: Complexes, output: int) -> None:
+    value, model = lines.value[output, 0], fitted[output, 0]
+    for function, color, width, opacity, label in (
+        (value - model, palette.LEFT, 0.5, 0.6, "difference"),
+        (value, palette.MEASURED, 1.8, 1.0, "measured"),
+        (model, palette.MODES, 1.0, 1.0, "from the modes"),
+    ):
+        size = np.abs(function)
+        at = _thinned(size)
+        axes.semilogy(lines.frequency[at], size[at], color=color, linewidth=width, alpha=opacity, label=label)
+    axes.set_ylabel(UNIT[lines.quantity])
+
+
+def _draw_model(magnitude: Axes, phase: Axes, frequency: Reals, model: Complexes, *, found: bool) -> None:
+    sparse = 16
+    gaps = (0, (1.5, 3.5))  # through which the other curves are seen
+    color, name = (palette.FOUND, "with what was identified") if found else (palette.BASE, "fitted model")
+    magnitude.semilogy(frequency, np.abs(model), color=color, linewidth=1.4, linestyle=gaps, label=name)
+    phase.plot(frequency[::sparse], _degrees(model[::sparse]), ".", color=color, markersize=1.5)
+
+
+def _degrees(value: Complexes) -> Reals:
+    return np.asarray(np.degrees(np.angle(value)))
 
 
 def stabilization_figure(

@@ -16,7 +16,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from ema.identification.exchange import read_poles, write_poles
 from ema.identification.identify import identify_frf
 from ema.identification.stabilization import StabilizationDiagram, stabilization
-from ema.plot.figures import PolePicker, frf_figure, pick_poles, shape_figure, stabilization_figure
+from ema.plot.figures import (
+    PolePicker,
+    chosen_functions,
+    overlay_figure,
+    pick_poles,
+    shape_figure,
+    stabilization_figure,
+)
 from ema.types.errors import IdentificationError
 from ema.types.frf import FRF, Dofs, Geometry
 from ema.types.modal_model import ModalModel
@@ -46,13 +53,13 @@ def beam() -> tuple[FRF, ModalModel]:
     return frf, identify_frf(frf, geometry, name="beam", order=20)
 
 
-def test_frf_figure_shows_both_curves_and_every_pole(beam: tuple[FRF, ModalModel]) -> None:
+def test_functions_are_shown_with_those_of_the_modes_and_every_pole(beam: tuple[FRF, ModalModel]) -> None:
     frf, model = beam
-    figure = frf_figure(frf, model, n_function=2)
-    magnitude = figure.axes[0]
-    measured, fitted, *marks = magnitude.lines
-    np.testing.assert_allclose(measured.get_ydata(), np.abs(frf.value[0, 0]))
-    np.testing.assert_allclose(fitted.get_ydata(), np.abs(frf.value[0, 0]), rtol=1e-6)
+    figure = overlay_figure(frf, model)
+    magnitude, worst = figure.axes[0], chosen_functions(model)[0]
+    _, measured, fitted, *marks = magnitude.lines
+    np.testing.assert_allclose(measured.get_ydata(), np.abs(frf.value[worst, 0]))
+    np.testing.assert_allclose(fitted.get_ydata(), np.abs(frf.value[worst, 0]), rtol=1e-6)
     assert [m.get_xdata()[0] for m in marks] == pytest.approx(model.frequency)
     figure.canvas.draw()
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 import model
 from updating.correlation.localization import ENERGY_KINDS, Regions, energy_by_region, map_error, regions
-from updating.correlation.plots import error_map_picture
 from updating.errors import UpdatingError
+from updating.report.state_part import error_map_picture
 
 N_MODE = 6
 

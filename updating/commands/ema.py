@@ -28,7 +28,7 @@ from ema.plot.figures import (
     amplitude_figure,
     as_png,
     comparison_figure,
-    frf_figure,
+    overlay_figure,
     pick_poles,
     shape_figure,
     stabilization_figure,
@@ -131,7 +131,7 @@ def _write_tables_and_pictures(result: Identified, *, keep_poles: bool) -> None:
 def _write_functions(folder: Path, modes: ModalModel, *, keep_poles: bool) -> None:
     """Write what is made of functions with their modes."""
     frf = read_frf(folder / "measurement.npz")
-    write_bytes(folder / "frf.png", as_png(frf_figure(frf, modes)))
+    write_bytes(folder / "frf.png", as_png(overlay_figure(frf, modes)))
     write_bytes(folder / "stabilization.png", as_png(stabilization_figure(stabilization(frf.band(*modes.band)))))
     write_modes_uff(folder / "modes.uff", modes, step=float(frf.frequency[1] - frf.frequency[0]))
     if not keep_poles or not (folder / "poles.txt").exists():

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ema.plot.figures import as_png
+from ema.plot.figures import as_png, within_band
 from lamella_shared import figure_of, html_of, html_table
-from updating.correlation.plots import within_band
 from updating.diagnosis.answer import Diagnosis
 from updating.errors import StoreError
 from updating.fitting.fit import Fit

@@ -12,11 +12,18 @@ import numpy as np
 from ema.identification.doubtful_modes import DroppedColumn, Stability, dropped_columns, stability
 from ema.identification.stabilization import StabilizationDiagram, stabilization
 from ema.plot import palette
-from ema.plot.figures import UNIT, pole_groups, stabilization_figure
+from ema.plot.figures import (
+    UNIT,
+    chosen_functions,
+    overlay_figure,
+    pole_groups,
+    stabilization_figure,
+    synthesized,
+    within_band,
+)
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel
 from lamella_shared import Complexes, Reals, csv_text
-from updating.correlation.plots import chosen_functions, overlay_figure, synthesized, within_band
 from updating.fitting.fit import Fit
 from updating.report.part import Chart, Picture, Section, axis, legend_above, png, single
 from updating.report.results import Tested, fracs, modelled

@@ -14,11 +14,11 @@ import numpy as np
 from ema.campaign.campaign import Campaign, Configuration
 from ema.modal.change import Change
 from ema.modal.mac import frac
+from ema.plot.figures import within_band
 from ema.types.frf import FRF, Dofs
 from ema.types.modal_model import ModalModel
 from lamella_shared import Complexes, Reals
 from model import catalogue, find_effects
-from updating.correlation.plots import within_band
 from updating.correlation.rig_check import RigCheck
 from updating.diagnosis.answer import Diagnosis
 from updating.diagnosis.explained_model import Updated, explained_model, explained_stack

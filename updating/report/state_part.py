@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from contextlib import closing
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ema import Change, change_csv, change_sentence
 from ema.plot import palette
+from ema.plot.figures import within_band
 from ema.types.frf import FRF
 from ema.types.modal_model import ModalModel, frequency_text
 from lamella_shared import Complexes, Integers, Reals, csv_text
-from model import catalogue
+from model import Stack, catalogue
 from model.stack.effect import Family
 from updating.correlation.localization import ENERGY_KINDS, ErrorMap, map_error, regions, stiffness_index
-from updating.correlation.plots import LEAST_SCALE, error_map_picture, within_band
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Diagnosis
 from updating.fitting.fit import Fit, reduced_about
@@ -320,6 +322,78 @@ def most_likely_kind(errors: ErrorMap) -> str:
     """Return the kind of stiffness that explains most of the error by a change that is possible, below 100 %."""
     possible = np.abs(errors.change[:-1]) < 1.0
     return ENERGY_KINDS[int(np.argmax(np.where(possible, errors.explained[:-1], -1.0)))]
+
+
+_SCALAR_BAR = {
+    "color": "black",
+    "n_labels": 3,
+    "fmt": "%.2g",
+    "height": 0.13,
+    "width": 0.5,
+    "position_x": 0.25,
+    "position_y": 0.03,
+    "title_font_size": 15,
+    "label_font_size": 13,
+}
+
+LEAST_SCALE = 2.0
+"""End of a flat map's colour scale over its mean, so that it looks flat."""
+
+
+def error_map_picture(error_map: ErrorMap, stack: Stack, kind: str, *, size: tuple[int, int] = (1200, 460)) -> bytes:
+    """Draw the error of one kind of stiffness on the stack, `ErrorMap.relative`, as a PNG.
+
+    The stack is seen from two opposite corners, its clamps as rods.
+
+    Parameters
+    ----------
+    error_map : ErrorMap
+        Of the stack.
+    stack : Stack
+        The stack.
+    kind : str
+        One of `ENERGY_KINDS` but the mass.
+    size : tuple of int
+        Width and height of the picture, px.
+    """
+    views = {"front, from above": (-0.5, -1.0, 0.6), "back, from below": (0.5, 1.0, -0.6)}
+    label, where = "error over its mean", error_map.regions
+    value = error_map.relative[stiffness_index(kind)]
+    import pyvista as pv
+    from PIL import Image
+
+    grid: Any = pv.RectilinearGrid(where.x, where.y, where.z)
+    grid.cell_data[label] = value.ravel(order="F")
+    with pv.vtk_verbosity("off"):  # VTK warns when there is no display, though it then renders without one
+        plotter: Any = pv.Plotter(shape=(1, 2), off_screen=True, window_size=list(size), border=False)
+    plotter.set_background("white")
+    for column, (view, direction) in enumerate(views.items()):
+        plotter.subplot(0, column)
+        plotter.add_mesh(
+            grid,
+            scalars=label,
+            clim=(0.0, max(float(value.max()), LEAST_SCALE * float(value.mean()))),
+            cmap=palette.PLACE,
+            lighting=False,  # shadows would read as large values
+            show_edges=True,
+            edge_color=palette.QUIET,
+            show_scalar_bar=column == 0,
+            scalar_bar_args={"title": f"{label}\n", **_SCALAR_BAR},  # the empty line keeps it off the numbers
+        )
+        for clamp in stack.clamps:
+            ends = np.array([[clamp.x, clamp.y, sign * 0.8 * stack.height] for sign in (-1.0, 1.0)])
+            plotter.add_mesh(pv.lines_from_points(ends), color=palette.MODES, line_width=4)
+        # one line, for VTK's touch each other, and at a place, for in a corner long text is smaller than short
+        heading = f"{kind}: {view}" if column == 0 else view
+        plotter.add_text(heading, position=(8.0, size[1] - 30.0), font_size=10, color=palette.INK)
+        plotter.add_axes(color=palette.INK, viewport=(0.8, 0.0, 1.0, 0.3))
+        plotter.view_vector(direction, viewup=(0.0, 0.0, 1.0))
+        plotter.camera.zoom(1.3)
+    with closing(plotter):
+        image = plotter.screenshot(return_img=True)
+    buffer = BytesIO()
+    Image.fromarray(image).save(buffer, format="png", optimize=True)
+    return buffer.getvalue()
 
 
 def map_picture(tested: Tested, fit: Fit, errors: ErrorMap, kind: str) -> Picture:

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 
 from ema.plot import palette
-from ema.plot.figures import UNIT
+from ema.plot.figures import UNIT, synthesized
 from ema.quality.verdict import NOTES, meaning
 from ema.types.frf import FRF
 from lamella_shared import Integers, Reals
-from updating.correlation.plots import synthesized
 from updating.report.modes_part import COMPLEXITY, complexity_table, identified_table
 from updating.report.part import Chart, axis, single
 from updating.report.results import Tested
