@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ema.modal.mac import frac
 from lamella_shared import Complexes, Integers, Reals, arrays
-from updating.correlation.pairing import ModeSet, Pairing, rotate_onto
+from updating.correlation.pairing import ModeSet, Pairing
 from updating.errors import PairingError, UpdatingError
 
 
@@ -182,11 +182,7 @@ def correlate_points(measured: MeasuredModes, model: ModeSet, pairing: Pairing) 
     if pairing.measured.size == 0:
         raise PairingError(f"no modes are paired at a MAC of {pairing.threshold:g}, so there are no shapes to compare")
     shape = np.asarray(measured.shape[:, pairing.measured], dtype=complex)
-    other = np.array(model.shape[:, pairing.model], dtype=complex)
-    for number in np.unique(pairing.subspace):
-        inside = pairing.subspace == number
-        if np.count_nonzero(inside) > 1:
-            other[:, inside] = rotate_onto(other[:, inside], shape[:, inside])
+    other = pairing.partners(measured, model)
     scale = np.sum(other.conj() * shape, axis=0) / np.sum(np.abs(other) ** 2, axis=0)
     length = np.linalg.norm(shape, axis=0)
     scaled = other * scale

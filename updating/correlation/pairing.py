@@ -93,6 +93,15 @@ class Pairing:
         """MAC of each pair (n_pair,)."""
         return self.mac[self.measured, self.model]
 
+    def partners(self, measured: ModeSet, model: ModeSet) -> Complexes:
+        """Return the model's shape of each pair, (n_dof, n_pair), those of a subspace turned onto the measured ones."""
+        shape = np.array(model.shape[:, self.model], dtype=complex)
+        for number in np.unique(self.subspace):
+            inside = self.subspace == number
+            if np.count_nonzero(inside) > 1:
+                shape[:, inside] = rotate_onto(shape[:, inside], measured.shape[:, self.measured[inside]])
+        return shape
+
 
 def pair(measured: ModeSet, model: ModeSet, *, threshold: float = LEAST_MAC) -> Pairing:
     """Pair modes one to one by an assignment over the whole MAC matrix.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -250,7 +250,9 @@ def fit(
     system = reduce(stack, G_f_range=G_f_bounds, n_snapshot=1 if single else N_SNAPSHOT_WIDE, n_mode=n_mode)
     observed = observe(system, registration.observation)
     rig = upright(check_rig(system, stack.contact.pressure, measured, G_f_bounds))
-    used = _modes_that_pair(system, observed, measured, threshold, G_f_bounds)
+    trials = [_elastic(system, observed, g, 0.0) for g in np.geomspace(*G_f_bounds, 13)]
+    between = f" for any G_f between {G_f_bounds[0]:g} and {G_f_bounds[1]:g}"
+    used = modes_that_pair(measured, trials, threshold=threshold, beside=between)
     G_f, d_f = _estimates(system, observed, measured, used, (G_f_bounds, d_f_bounds))
     modes = _elastic(system, observed, G_f.value, d_f.value)
     pairing = _paired(measured, modes, threshold)
@@ -442,20 +444,20 @@ def _standard_deviation(gradient: Reals, residual: Reals, target_std: Reals, for
     return float(np.sqrt(variance))
 
 
-def _modes_that_pair(
-    system: ReducedSystem, observed: Observed, measured: ModalModel, threshold: float, bounds: tuple[float, float]
+def modes_that_pair(
+    measured: ModalModel, trials: Sequence[Modes], *, threshold: float = LEAST_MAC, beside: str = ""
 ) -> Integers:
-    """Return the measured modes that pair where MAC values, those of subspaces for close modes, sum to most."""
-    trials = [
-        pair(measured, _elastic(system, observed, g, 0.0), threshold=threshold) for g in np.geomspace(*bounds, 13)
-    ]
-    best = max(trials, key=lambda p: float(np.sum(p.subspace_mac)))
+    """Return the measured modes that pair where MAC values, those of subspaces for close modes, sum to most.
+
+    `beside` says in the error what the elastic modes that are tried are of.
+    """
+    pairs = [pair(measured, modes, threshold=threshold) for modes in trials]
+    best = max(pairs, key=lambda p: float(np.sum(p.subspace_mac)))
     if best.measured.size == 0:
-        largest = max(float(p.mac.max()) for p in trials)
         raise FitError(
-            f"{measured.name}: no measured mode reaches a MAC of {threshold:g} with the model for any G_f between "
-            f"{bounds[0]:g} and {bounds[1]:g}; the largest is {largest:.2f}. Check point numbers, directions and "
-            "signs of the measurement, or lower the threshold."
+            f"{measured.name}: no measured mode reaches a MAC of {threshold:g} with the model{beside}; the largest is "
+            f"{max(float(p.mac.max()) for p in pairs):.2f}. Check point numbers, directions and signs of the "
+            "measurement, or lower the threshold."
         )
     return best.measured
 

@@ -13,7 +13,6 @@ from ema.types.frf import Dofs, Geometry, Quantity
 from ema.types.modal_model import ModalModel
 from lamella_shared import Complexes, Integers, Reals, arrays
 from model import frf, solve_modes
-from updating.correlation.pairing import rotate_onto
 from updating.correlation.registration import register
 from updating.fitting.fit import Fit, ModelFit, reduced_about
 
@@ -208,12 +207,7 @@ def _partners(measured: ModalModel, fit: ModelFit | None) -> dict[int, tuple[int
     """Return for each paired measured mode the model's mode and its shape, turned within its subspace."""
     if fit is None:
         return {}
-    pairing = fit.pairing
-    shape = np.array(fit.modes.shape[:, pairing.model], dtype=complex)
-    for number in np.unique(pairing.subspace):
-        inside = pairing.subspace == number
-        if np.count_nonzero(inside) > 1:
-            shape[:, inside] = rotate_onto(shape[:, inside], measured.shape[:, pairing.measured[inside]])
+    pairing, shape = fit.pairing, fit.pairing.partners(measured, fit.modes)
     return {
         int(r): (int(s), shape[:, k].real) for k, (r, s) in enumerate(zip(pairing.measured, pairing.model, strict=True))
     }

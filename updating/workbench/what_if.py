@@ -30,7 +30,7 @@ from model import (
     reduce,
     solve_modes,
 )
-from updating.correlation.pairing import LEAST_MAC, N_MODE, pair
+from updating.correlation.pairing import N_MODE
 from updating.correlation.registration import register
 from updating.diagnosis.answer import Ranked
 from updating.diagnosis.cached_model import kept_model
@@ -40,8 +40,15 @@ from updating.diagnosis.experiment import aids
 from updating.diagnosis.explained_model import explained_stack, finer_ratio
 from updating.diagnosis.fit_settings import CONTACT
 from updating.diagnosis.stack_near import RATIOS
-from updating.errors import FitError, PairingError
-from updating.fitting.fit import D_F_BOUNDS, G_F_BOUNDS, N_SNAPSHOT_WIDE, frequency_error, stack_in_state
+from updating.errors import PairingError
+from updating.fitting.fit import (
+    D_F_BOUNDS,
+    G_F_BOUNDS,
+    N_SNAPSHOT_WIDE,
+    frequency_error,
+    modes_that_pair,
+    stack_in_state,
+)
 from updating.report.part import Chart, axis, single
 from updating.report.results import Results, Tested, identified_effects
 from updating.results.text import quantity
@@ -215,7 +222,8 @@ def tried_model(
             raise EffectError(reason)
         base = results.diagnosis.ranked(())
         at_some = [{**_moved(base, kept), **explained_values(explained(base, ()))}]
-    tried = replace(tried, used=_paired(tried, at_some))
+    paired = modes_that_pair(tried.measured, [tried.solved(values).elastic() for values in at_some])
+    tried = replace(tried, used=np.isin(np.arange(tried.used.size), paired))
     if ranked is None or stated is None:
         return tried
     tried = tried if kept is None else replace(tried, moved=_moved(ranked, kept))
@@ -239,18 +247,6 @@ def _as_stated(stack: Stack, measured: ModalModel, kept: CandidateModel | None) 
         natural=np.ones(1),
         ratio=np.ones(1),
     )
-
-
-def _paired(tried: Tried, values: Sequence[Mapping[str, float]]) -> Booleans:
-    """Tell which measured modes pair where MAC values, those of subspaces for close modes, sum to most, (n_mode,)."""
-    pairs = [pair(tried.measured, tried.solved(value).elastic(), threshold=LEAST_MAC) for value in values]
-    best = max(pairs, key=lambda p: float(np.sum(p.subspace_mac)))
-    if best.measured.size == 0:
-        raise FitError(
-            f"{tried.measured.name}: no measured mode reaches a MAC of {LEAST_MAC:g} with the model; check point "
-            "numbers, directions and signs"
-        )
-    return np.isin(np.arange(tried.used.size), best.measured)
 
 
 def kept_reduction(results: Results) -> CandidateModel | None:
