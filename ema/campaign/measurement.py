@@ -484,17 +484,17 @@ def _require_repeat(entry: _Entry, earlier: _Entry, key: tuple[Any, Any], change
     carry a sensor elsewhere, which moves narrow resonances aside.
     """
     where = f"{entry.source} and {earlier.source} are both {_name(key[0])} over {_name(key[1])}, but "
-    mend = "by a [[correction]] with new_output, or exclude its functions"
+    remedy = "by a [[correction]] with new_output, or exclude its functions"
     if entry.component != earlier.component:
         raise MeasurementError(
             f"{where}of the components {entry.component!r} and {earlier.component!r}: give the points of one of them "
-            f"other numbers, {mend}"
+            f"other numbers, {remedy}"
         )
     larger = max(np.linalg.norm(entry.value), np.linalg.norm(earlier.value))
     if entry.run == earlier.run and change * np.linalg.norm(entry.value) > larger:
         raise MeasurementError(
             f"{where}differ by {100 * change:.2g} %, so that neither repeats the other: give one of them its own DOF "
-            f"in 'output' or 'input', or {mend}"
+            f"in 'output' or 'input', or {remedy}"
         )
 
 

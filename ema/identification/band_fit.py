@@ -416,8 +416,8 @@ def _weighed(data: Functions, given: BandFit) -> BandFit:
     order = np.abs(given.fit.pole[:, None] - fit.pole).argmin(axis=1)
     fit = data.linear_fit(fit.pole[order], fit.weight)
     still = is_common(data, fit)
-    mended = hungry & ~still & (left_at_poles(data, fit) < LEAST_SHARE)
-    if fit.objective >= given.fit.objective or not mended.any() or (still & ~common).any():
+    better = hungry & ~still & (left_at_poles(data, fit) < LEAST_SHARE)
+    if fit.objective >= given.fit.objective or not better.any() or (still & ~common).any():
         return given
     return replace(given, fit=fit, runs=run_poles(data, fit))
 

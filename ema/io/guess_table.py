@@ -334,7 +334,7 @@ def _with_times(path: Path, text: TextTable, axis: int, keys: dict[str, Any], gu
         guesses.append(
             f"the times are rounded: the first {len(time)} samples in {np.ptp(time):.6g} s give the sampling rate"
             if rate
-            else "the steps of the times differ: state the sampling rate, or mend the times"
+            else "the steps of the times differ: state the sampling rate, or correct the times"
         )
     return Contents(
         file=path, section="table", keys={"layout": "time"} | keys, is_time=True,

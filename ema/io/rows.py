@@ -418,7 +418,7 @@ def _require_even(path: Path, rows: list[str], numbers: list[list[complex] | Non
     if first and is_number(first[0]) and len(numbers[start - 2] or ()) == width:
         raise MeasurementError(
             f"{path}: row {start} has other cells than the {width} numbers of the rows beside it: "
-            f"{rows[start - 1].strip()[:40]!r}; mend it"
+            f"{rows[start - 1].strip()[:40]!r}; correct it"
         )
 
 

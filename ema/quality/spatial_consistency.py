@@ -46,7 +46,7 @@ def delay(
     longest : float
         Largest delay that is thought of, in periods of the last line: less than two samples of a usual recorder.
     sound, turned : float
-        Shares of negative power below which a delay mends a driving point, and above which a turned sign does.
+        Shares of negative power below which a delay corrects a driving point, and above which a turned sign does.
     """
     n_tried = 151
     if negative_share(mobility) > turned:

@@ -28,7 +28,7 @@ def test_an_effect_at_another_level_is_not_right():
     other = case(named=(("adhesive_edges", "specimen", ("S2",)),), odd=("S2",))
     found = shares([case(), wrong, other])
     assert found["effect and its level right"] == (1, 3)
-    assert found["the effect among those named, whosever"] == (3, 3)
+    assert found["the effect among those named, at any level"] == (3, 3)
     assert found["odd specimen found"] == (1, 3)
     assert found["others called odd"] == (1, 15)
 

@@ -246,7 +246,7 @@ def figures(cases: Sequence[PooledCase]) -> Iterator[Share]:
         yield share(
             f"effect and its level right: of the {kind}", "reported", [one.right for one in planted if one.kind == kind]
         )
-    yield share("the effect among those named, whosever", "reported", [one.effect_named for one in planted])
+    yield share("the effect among those named, at any level", "reported", [one.effect_named for one in planted])
     yield share("odd specimen found", "90 %", [one.specimens[0] in one.odd for one in lone])
     yield share("the same, of those that show", "90 %", [one.specimens[0] in one.odd for one in lone if one.shows])
     yield share("others called odd", "at most 5 %", [name in one.odd for one, name in innocent])

@@ -296,9 +296,10 @@ def _verdict(diagnosis: PooledDiagnosis) -> str:
     best = diagnosis.ranking[0]
     if diagnosis.verdict == "unlike anything":
         return (
-            "Something is missing that no effect of the catalogue explains, whosever it be. The model's frequencies "
-            f"are off by {percent(base.frequency_error)} in the mean, and by {percent(base.left_out_error)} for a "
-            f"specimen that is predicted from the others, {_lowered(diagnosis, base)}."
+            "Something is missing that no effect of the catalogue explains, in the rig or in a specimen. The model's "
+            f"frequencies are off by {percent(base.frequency_error)} in the mean, and by "
+            f"{percent(base.left_out_error)} for a specimen that is predicted from the others, "
+            f"{_lowered(diagnosis, base)}."
         )
     parts = "; and ".join(f"{part_text(part)}{_values(part)}" for part in best.parts) or "the base model"
     start = {"identified": "Identified", "partly explained": "Part of what is missing", "as asked": "As asked for"}.get(
