@@ -237,7 +237,7 @@ def _from_snapshots(
     stack, outer = laminas.stack, samples[: len(box) + 1]
     with_effects = [at for sample in outer[:2] for at in effect_samples(laminas, sample)]
     _LOG.info("reduce the model, 1 of 4: functions over the height")
-    over_z = through_thickness_basis(stack, laminas, [*outer, *with_effects], n_mode, z_tolerance)
+    over_z = through_thickness_basis(stack, seated(laminas), [*outer, *with_effects], n_mode, z_tolerance)
     assembly = laminas.project_z(over_z.phi)
     starts = [snapshot[:, n_rigid(stack) :] for snapshot in over_z.snapshots[: len(outer)]]
     rigid = rigid_body_modes(assembly, stack, over_z.phi)
@@ -248,7 +248,6 @@ def _from_snapshots(
     if ranged:
         between = in_ranges(full(term.matrix) for term in riding)
         riding = tuple(dataclasses.replace(t, matrix=matrix) for t, matrix in zip(riding, between, strict=True))
-    steady = [term for term in assembly.terms if not isinstance(term.factor, Riding)]
     basis = np.hstack([basis, np.zeros((len(basis), n_riding))])
     return ReducedSystem(
         stack=stack,
@@ -256,12 +255,21 @@ def _from_snapshots(
         assembly=assembly,
         basis=basis,
         n_displaced=n_displaced,
-        terms=(*reduced_terms(dataclasses.replace(assembly, terms=tuple(steady)), basis, ranged=ranged), *riding),
+        terms=(*reduced_terms(seated(assembly), basis, ranged=ranged), *riding),
         theta=assembly.theta,
         ranges=box,
         n_base=n_base,
         laminas=laminas,
     )
+
+
+def seated(assembly: Assembly) -> Assembly:
+    """Return the equations with all that rides on a spring sitting rigidly.
+
+    An apparent mass is of one frequency, and negative above a rider's own; modes with it would not be those of the
+    structure. In the reduced equations a rider has coordinates of its own.
+    """
+    return dataclasses.replace(assembly, terms=tuple(t for t in assembly.terms if not isinstance(t.factor, Riding)))
 
 
 def _samples_with(
@@ -293,21 +301,22 @@ def _snapshot_basis(
     The directions of the modes are weighed where the first kind is given. Local effects have attachment modes at all
     samples but the outer two. Returned with the number of first vectors that are of modes.
     """
-    solver = solver_over_plan(assembly.acting(samples))
-    mass = assembly.krons("M", assembly.theta)
+    sitting = seated(assembly)
+    solver = solver_over_plan(sitting.acting(samples))
+    mass = sitting.krons("M", assembly.theta)
 
     def product(x: NDArray[np.float64]) -> NDArray[np.float64]:
         return assembly.apply(mass, x)
 
     _LOG.info("reduce the model, 2 of 4: modes at %d points of its parameters", len(samples))
-    modes = _snapshot_modes(assembly, solver, samples, starts, rigid, product, n_mode)
-    space = _extended(orthonormalize(rigid, product), leading(modes, assembly, kinds[0][1]), product)
+    modes = _snapshot_modes(sitting, solver, samples, starts, rigid, product, n_mode)
+    space = _extended(orthonormalize(rigid, product), leading(modes, sitting, kinds[0][1]), product)
     base = space[0]
     _LOG.info("reduce the model, 3 of 4: answers to its effects")
 
     def at_point(at: Mapping[str, float]) -> tuple[Factor, tuple[NDArray[np.float64], NDArray[np.float64]]]:
         """Return the factor of K + shift M there, and the elastic modes."""
-        return solver.factor(at, shear_shift(assembly.stack, at)), elastic_modes(assembly, at, base, n_mode)
+        return solver.factor(at, shear_shift(assembly.stack, at)), elastic_modes(sitting, at, base, n_mode)
 
     for effects, at in kinds:
         if effects:

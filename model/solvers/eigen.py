@@ -39,9 +39,17 @@ def orthonormalize(x: Reals, mass: Product, against: Sequence[Block] = ()) -> Bl
     -------
     basis, mass_basis : (n, j)
         Directions that are linearly dependent to 1e-7 are left out, so j may be below k.
+
+    Raises
+    ------
+    SolveError
+        Some of `x` has no mass, or less.
     """
     mass_x = mass(x)
-    scale = np.sqrt(np.einsum("ij,ij->j", x, mass_x))
+    square = np.einsum("ij,ij->j", x, mass_x)
+    if not np.all(square > 0.0):
+        raise SolveError("the mass is not positive: something takes off more than there is")
+    scale = np.sqrt(square)
     x, mass_x = x / scale, mass_x / scale
     for least in (1e-14, 0.5):  # the second pass removes what rounding left of the first, and what is only that
         if x.shape[1] == 0:

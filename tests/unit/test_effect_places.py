@@ -143,3 +143,15 @@ def test_a_loose_clamp_rides_on_its_seat_as_a_mass_on_a_spring(compliance):
         rides = mass / (1.0 - omega**2 * mass * compliance) - mass
         square = la.eigvals(stiffness, inertia + rides * of_clamp).real
         assert np.abs(np.sqrt(np.abs(square)) / omega - 1.0).min() < 1e-4
+
+
+def test_a_clamp_may_be_stated_to_ride_below_the_reference_frequency():
+    """Its apparent mass is negative there; with it in the snapshots the mass had no root."""
+    heavy = dataclasses.replace(BAR, clamps=tuple(dataclasses.replace(clamp, mass=1.5) for clamp in BAR.clamps))
+    effect, values = model.catalogue()["loose_clamp"], {"clamp_number": 0.0, "clamp_compliance": 1e-7}  # 411 Hz
+    found = []
+    for stated in (values, {}):
+        system = model.reduce(heavy.with_effects(effect, **stated), n_snapshot=1)
+        theta = {**system.theta, **values}
+        found.append(la.eigh(system.matrix("K", theta), system.matrix("M", theta), eigvals_only=True)[6:14])
+    np.testing.assert_allclose(*found, rtol=1e-3)
