@@ -221,7 +221,8 @@ def run(specification: Path, seed: int, kind: str, candidates: CandidateModel | 
         The nominal model; by default with the whole catalogue.
     """
     candidates = _nominal(specification) if candidates is None else candidates
-    chosen, values, test, (*tested, unseen) = _drawn(specification, seed, kind, candidates.effects)
+    steady = {name: effect for name, effect in candidates.effects.items() if effect.over_strain is None}
+    chosen, values, test, (*tested, unseen) = _drawn(specification, seed, kind, steady)  # one force level shows no slip
     if kind == MODEL_FORM_ERROR:
         less = {k: v for effect in chosen for k, v in weaker(effect, values).items()}
         tested[0] = simulated(replace(test, effect_values=less))[0]

@@ -51,11 +51,14 @@ def candidates() -> CandidateModel:
 
 
 def at_strength(effect: Effect, strength: float) -> dict[str, float]:
-    """Return an effect's parameters at a strength over the nominal one, its location being the nominal one."""
+    """Return an effect's parameters at a strength over the nominal one, its location being the nominal one.
+
+    Clamps sit rigidly: on a compliant seat they have modes in the basis, but an apparent mass at one frequency here.
+    """
     found = {}
     for p in effect.parameters:
         value = p.nominal if p.is_location else p.neutral + strength * (p.nominal - p.neutral)
-        found[p.name] = float(np.clip(value, 0.95 * p.lower, 0.95 * p.upper))
+        found[p.name] = 0.0 if p.name == "clamp_compliance" else float(np.clip(value, 0.95 * p.lower, 0.95 * p.upper))
     return found
 
 
