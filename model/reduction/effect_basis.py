@@ -113,7 +113,7 @@ def effect_answers(
     (assembly.size, n_answer)
         The principal ones of all answers, by energy.
     """
-    least_energy = 3e-3  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
+    least_energy = 3e-4  # of a mode, at full strength: an answer with less is left out; a frequency misses half of it
     values, unit_energy = modes[0], modes[1] / np.sqrt(modes[0])
     acting: dict[int, tuple[Term, float]] = {}
     for term, strength in _strengths(assembly, effects, theta):

@@ -290,7 +290,7 @@ def _checksum(body: Buffer) -> str:
 
 
 N_CACHED = 3
-"""Models that are cached, those that were used last; each takes some 400 MB."""
+"""Models that are cached, those that were used last; each takes some 550 MB."""
 _TYPES = (
     Assembly, CandidateModel, Clamp, CompressionCurve, Contact, EdgeSupport, InRange, Instruments, InterfaceLaw,
     Interlayer, Kron, Material, Mesh, Monomial, Outline, PatchSupport, Pressing, PressureField, Product,
