@@ -251,7 +251,7 @@ def test_a_large_change_at_a_point_is_closer_once_the_answer_of_the_plate_is_in(
     ("name", "planted", "number"),
     [
         ("crack", {"crack": {"x": -0.01, "y": 0.02, "length": 0.4, "along": 1.0}}, 3),
-        ("hole", {"hole": {"x": -0.01, "y": 0.02, "diameter": 0.34}}, 4),
+        ("hole", {"hole": {"x": -0.01, "y": 0.02, "diameter": 0.34}}, 7),
     ],
 )
 def test_a_long_crack_and_a_large_hole_act_as_other_finite_elements_have_them(name, planted, number):

@@ -436,6 +436,13 @@ class Fields:
         return np.concatenate(rows, axis=1)
 
     @kept
+    def evenly_bent(self, layer: Layer) -> Vector:
+        """Return the same of the energy by the mean of two curvatures."""
+        q11, q12, q22, _ = self.plane_stress
+        wxx, wyy = self.lamina(layer, [("w", "xx"), ("w", "yy")])
+        return np.asarray(np.sqrt((q11 + q22 + 2.0 * q12) / 4.0 * self.stack.pitch**3 / 12.0) * (wxx + wyy))
+
+    @kept
     def across(self, layer: Layer, angle: float) -> Vector:
         """Return moment and force of laminas across a line as a crack feels them, (n_point, R, m).
 
