@@ -155,3 +155,9 @@ def test_a_clamp_may_be_stated_to_ride_below_the_reference_frequency():
         theta = {**system.theta, **values}
         found.append(la.eigh(system.matrix("K", theta), system.matrix("M", theta), eigvals_only=True)[6:14])
     np.testing.assert_allclose(*found, rtol=1e-3)
+
+
+def test_a_clamp_that_loses_more_mass_than_it_has_is_refused():
+    effect = model.catalogue()["clamp_mass"]
+    with pytest.raises(model.SolveError, match="the mass is not positive"):
+        model.reduce(BAR.with_effects(effect, clamp_added_mass=-50.0), n_snapshot=1)
